@@ -1,0 +1,29 @@
+# make reproduce | make test | make install | make check
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+PY := .venv/bin/python
+ARGS ?=
+
+.PHONY: install reproduce test lint check
+
+install: .venv/installed
+
+.venv/installed: pyproject.toml constraints.txt
+	test -x $(PY) || $(PYTHON) -m venv .venv
+	$(PY) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	touch $@
+
+# make reproduce ARGS="draws=10 initial.weights_file=tests/golden/initial_weights.npz"
+reproduce: install
+	$(PY) -m experiments.reproduce $(ARGS)
+
+lint: install
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	.venv/bin/mypy
+
+test: lint
+	$(PY) -m pytest -n 2 --dist worksteal -q $(ARGS)
+
+# The slow checks too: torchdiffeq over 20 s, golden numbers at 1 ms.
+check: lint
+	$(PY) -m pytest -n 2 --dist worksteal -q -m "slow or not slow" $(ARGS)

@@ -1,0 +1,1 @@
+"""Hydra configuration files. This file makes them importable once installed."""

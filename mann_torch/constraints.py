@@ -1,0 +1,152 @@
+"""Design constants with a domain: found, set and freed for tuning by name.
+
+A constant is an `nn.Parameter` holding its natural value, so that `.grad` is the derivative with
+respect to the constant itself. It is frozen until `tune` names it. Values are checked whenever
+they are set through this module; reading one costs nothing.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from typing import cast
+
+import torch
+from torch import Tensor, nn
+
+from .errors import ConfigError, DomainError, ShapeError
+from .functional import Numbers, as_float64
+
+
+class Domain(ABC):
+    """The set of values a constant may take. `event_dims` trailing dimensions form one value."""
+
+    event_dims = 0
+    text = ""
+
+    @abstractmethod
+    def contains(self, value: Tensor) -> bool:
+        """Whether every (batched) value lies in the domain; NaN and inf never do."""
+
+    def coerce(self, value: Tensor, event_shape: torch.Size) -> Tensor:
+        """Write a short form of a value out in full; the plain domains have none."""
+        return value
+
+    def check(self, name: str, value: Tensor) -> Tensor:
+        """Return `value`, or raise `DomainError` naming the constant and its domain."""
+        if not bool(torch.isfinite(value).all()) or not self.contains(value):
+            shown = value.detach().tolist()
+            raise DomainError(f"{name} = {shown} is outside its domain: must be {self.text}")
+        return value
+
+
+class Positive(Domain):
+    """Finite and > 0."""
+
+    text = "finite and > 0"
+
+    def contains(self, value: Tensor) -> bool:
+        return bool((value > 0).all())
+
+
+class NonNegative(Domain):
+    """Finite and >= 0."""
+
+    text = "finite and >= 0"
+
+    def contains(self, value: Tensor) -> bool:
+        return bool((value >= 0).all())
+
+
+class SymmetricPositiveDefinite(Domain):
+    """Symmetric positive definite matrix (..., n, n)."""
+
+    event_dims = 2
+    text = "a symmetric positive definite matrix"
+
+    def coerce(self, value: Tensor, event_shape: torch.Size) -> Tensor:
+        """A scalar stands for a multiple of the identity, a list of n for a diagonal matrix."""
+        if value.dim() == 0:
+            return value * torch.eye(event_shape[-1], dtype=value.dtype)
+        return torch.diag_embed(value) if value.shape == event_shape[-1:] else value
+
+    def contains(self, value: Tensor) -> bool:
+        if not torch.allclose(value, value.mT, rtol=1e-12, atol=1e-12):
+            return False
+        return bool((torch.linalg.eigvalsh(value) > 0).all())
+
+
+def _checked(name: str, value: Numbers, domain: Domain, event_shape: torch.Size) -> Tensor:
+    tensor = domain.coerce(as_float64(value, name).detach(), event_shape)
+    if domain.event_dims and tensor.shape[-domain.event_dims :] != event_shape:
+        raise ShapeError(
+            f"{name} has shape {tuple(tensor.shape)}; its last dimensions must be "
+            f"{tuple(event_shape)}"
+        )
+    return domain.check(name, tensor).clone()
+
+
+class DesignModule(nn.Module):
+    """A module that owns design constants."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._domains: dict[str, Domain] = {}
+
+    def declare(
+        self, name: str, value: Numbers, domain: Domain, event_shape: tuple[int, ...] = ()
+    ) -> None:
+        """Add the constant `name`, shape (...,) plus `event_shape`."""
+        self._domains[name] = domain
+        tensor = _checked(name, value, domain, torch.Size(event_shape))
+        self.register_parameter(name, nn.Parameter(tensor, requires_grad=False))
+
+    def _owners(self) -> Iterator[tuple[str, DesignModule]]:
+        for module in self.modules():
+            if isinstance(module, DesignModule):
+                for name in module._domains:
+                    yield name, module
+
+    def _owner(self, name: str) -> DesignModule:
+        owners = dict(self._owners())
+        if name not in owners:
+            raise ConfigError(f"no design constant '{name}'; choose from {', '.join(owners)}")
+        return owners[name]
+
+    def constants(self) -> dict[str, nn.Parameter]:
+        """Every design constant of this module and its parts, by name."""
+        return {name: owner.constant(name) for name, owner in self._owners()}
+
+    def constant(self, name: str) -> nn.Parameter:
+        """The constant `name`, wherever it lives; raises `ConfigError` if there is none."""
+        return cast(nn.Parameter, getattr(self._owner(name), name))
+
+    def domain(self, name: str) -> Domain:
+        """The domain of the constant `name`."""
+        return self._owner(name)._domains[name]
+
+    def initialize(self, **values: Numbers) -> None:
+        """Set constants by name, all or none. A leading batch shape gives each sample its own.
+
+        Raises `ConfigError` for an unknown name, `DomainError` for a value outside the domain and
+        `ShapeError` for a matrix-valued constant of the wrong size.
+        """
+        checked: list[tuple[str, DesignModule, Tensor]] = []
+        for name, value in values.items():
+            owner = self._owner(name)
+            domain = owner._domains[name]
+            old = self.constant(name).shape
+            event_shape = old[len(old) - domain.event_dims :]
+            checked.append((name, owner, _checked(name, value, domain, event_shape)))
+        for name, owner, new in checked:
+            grad = self.constant(name).requires_grad
+            owner.register_parameter(name, nn.Parameter(new, requires_grad=grad))
+
+    def tune(self, *names: str) -> list[nn.Parameter]:
+        """Let gradients reach exactly the named constants; freeze all others. Returns them."""
+        chosen: list[nn.Parameter] = [self.constant(name) for name in names]
+        for parameter in self.constants().values():
+            parameter.requires_grad_(False)
+        for parameter in chosen:
+            parameter.requires_grad_(True)
+        return chosen

@@ -1,0 +1,125 @@
+"""The two-layer adaptive network and its update laws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from ..constraints import DesignModule, NonNegative
+from ..errors import ConfigError
+from ..functional import Numbers, outer, row_times
+from ..types import Features, NetworkState
+
+
+class AdaptiveNetwork(DesignModule):
+    """f^ = W' sigma(V' x~ + b_v) + b_w with weights that move by the paper's eq. (NNupdate).
+
+    `rate_W`, `rate_V` are C_w, C_v and `e_modification` is kappa. W and b_w start at 0, V and b_v
+    from a normal law of standard deviation `initial_std` (0 would keep all neurons identical).
+    The buffers `initial_V` (I, N) and `initial_b_v` (N,) hold one such draw.
+
+    Raises `ConfigError` for fewer than one neuron or a negative `initial_std`.
+    """
+
+    def __init__(
+        self,
+        n_inputs: int,
+        n_hidden: int,
+        n_outputs: int,
+        rate_W: Numbers = 10.0,
+        rate_V: Numbers = 10.0,
+        e_modification: Numbers = 0.0,
+        initial_std: float = 0.1,
+    ) -> None:
+        super().__init__()
+        if n_hidden < 1:
+            raise ConfigError(f"n_hidden = {n_hidden}: the network needs at least 1 neuron (N)")
+        if not 0.0 <= initial_std < float("inf"):
+            raise ConfigError(f"initial_std = {initial_std}: must be finite and >= 0")
+        self.n_inputs, self.n_hidden, self.n_outputs = n_inputs, n_hidden, n_outputs
+        self.initial_std = initial_std
+        self.rate_W: Tensor
+        self.rate_V: Tensor
+        self.e_modification: Tensor
+        self.declare("rate_W", rate_W, NonNegative())
+        self.declare("rate_V", rate_V, NonNegative())
+        self.declare("e_modification", e_modification, NonNegative())
+        self.initial_V: Tensor
+        self.initial_b_v: Tensor
+        draw = self._draw((), torch.Generator().manual_seed(0))
+        self.register_buffer("initial_V", draw.V)
+        self.register_buffer("initial_b_v", draw.b_v)
+
+    def _draw(self, batch_shape: Sequence[int], generator: torch.Generator) -> NetworkState:
+        normal = torch.randn(
+            *batch_shape, self.n_inputs + 1, self.n_hidden, generator=generator, dtype=torch.float64
+        )
+        normal = self.initial_std * normal
+        return self.from_inner_weights(normal[..., :-1, :], normal[..., -1, :])
+
+    def from_inner_weights(self, V: Tensor, b_v: Tensor) -> NetworkState:
+        """Initial weights with W = 0, b_w = 0 from V (..., I, N) and b_v (..., N)."""
+        batch = V.shape[:-2]
+        W = V.new_zeros((*batch, self.n_hidden, self.n_outputs))
+        return NetworkState(W, V.new_zeros((*batch, self.n_outputs)), V, b_v)
+
+    def initial_state(
+        self, batch_shape: Sequence[int], generator: torch.Generator | None = None
+    ) -> NetworkState:
+        """Weights at t = 0 for a batch: random from the generator, or the stored draw."""
+        if generator is not None:
+            return self._draw(batch_shape, generator)
+        V = self.initial_V.expand(*batch_shape, -1, -1)
+        return self.from_inner_weights(V, self.initial_b_v.expand(*batch_shape, -1))
+
+    def features(self, nn_input: Tensor, state: NetworkState) -> Features:
+        """V' x~ + b_v, sigma of it, and sigma's slope, each (..., N), at x~ (..., I)."""
+        pre = row_times(nn_input, state.V) + state.b_v
+        hidden = torch.sigmoid(pre)
+        return Features(pre, hidden, hidden * (1.0 - hidden))
+
+    def output(self, hidden: Tensor, state: NetworkState) -> Tensor:
+        """W' hidden + b_w (..., n); with hidden = sigma + h_o this is -u_ad (eq. nnoutput)."""
+        return row_times(hidden, state.W) + state.b_w
+
+    def derivative(
+        self,
+        nn_input: Tensor,
+        features: Features,
+        feedback: Tensor,
+        correction: Tensor,
+        error_norm: Tensor,
+        state: NetworkState,
+    ) -> NetworkState:
+        """Update law (eq. NNupdate) for error feedback h_e' = r (..., n).
+
+        `correction` is W r (..., N) and `error_norm` |e| (...,).
+        """
+        rate_W, rate_V = self.rate_W[..., None, None], self.rate_V[..., None, None]
+        decay = (self.e_modification * error_norm)[..., None, None]
+        regressor = features.hidden - features.slope * features.pre
+        back = features.slope * correction
+        return NetworkState(
+            W=rate_W * torch.addcmul(outer(regressor, feedback), decay, state.W, value=-1),
+            b_w=rate_W[..., 0] * torch.addcmul(feedback, decay[..., 0], state.b_w, value=-1),
+            V=rate_V * torch.addcmul(outer(nn_input, back), decay, state.V, value=-1),
+            b_v=rate_V[..., 0] * torch.addcmul(back, decay[..., 0], state.b_v, value=-1),
+        )
+
+    def input_slope(self, features: Features, state: NetworkState, first: int, n: int) -> Tensor:
+        """d(W' sigma)/d x~ over `n` inputs from number `first`: W' diag(sigma') V', (..., n, n)."""
+        rows = state.V[..., first : first + n, :] * features.slope.unsqueeze(-2)
+        return (rows @ state.W).mT
+
+
+def equal_parameter_hidden(n_inputs: int, n_outputs: int, n_hidden: int, n_slots: int) -> int:
+    """Neurons of the plain network with as many parameters as a network with a memory.
+
+    The memory counts n_s N numbers (paper, scenario 1). With I inputs, n outputs, N neurons and
+    S slots the controller with memory has N (I + 1 + n + S) + n parameters; the plain network has
+    N' (I + 1 + n) + n. The nearest whole N' is returned: 14 for the paper's arm.
+    """
+    per_neuron = n_inputs + 1 + n_outputs
+    return round(n_hidden * (per_neuron + n_slots) / per_neuron)

@@ -1,0 +1,28 @@
+"""Tracking error and filtered tracking error."""
+
+from __future__ import annotations
+
+from torch import Tensor
+
+from ..constraints import DesignModule, SymmetricPositiveDefinite
+from ..functional import Numbers, times_column
+from ..types import Measurement, ReferenceSample, TrackingError
+
+
+class FilteredTracking(DesignModule):
+    """e = s - x, r = de/dt + Lambda e.
+
+    `error_gain` is Lambda [1/s]: a scalar, n diagonal entries, or an SPD matrix (..., n, n).
+    """
+
+    def __init__(self, n_joints: int, error_gain: Numbers = 5.0) -> None:
+        super().__init__()
+        self.error_gain: Tensor
+        self.declare("error_gain", error_gain, SymmetricPositiveDefinite(), (n_joints, n_joints))
+
+    def forward(self, reference: ReferenceSample, measurement: Measurement) -> TrackingError:
+        """Errors (..., n) of a measurement against the reference."""
+        error = reference.q - measurement.q
+        error_rate = reference.qd - measurement.qd
+        filtered = error_rate + times_column(self.error_gain, error)
+        return TrackingError(error, error_rate, filtered)

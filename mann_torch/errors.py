@@ -1,0 +1,29 @@
+"""Named errors: each says what is wrong, where, and what to do about it."""
+
+
+class MannError(Exception):
+    """Base class of every error this library raises on purpose."""
+
+
+class ConfigError(MannError, ValueError):
+    """A setting is missing, malformed or outside its domain."""
+
+
+class DomainError(ConfigError):
+    """A design constant or physical quantity lies outside its domain."""
+
+
+class ShapeError(ConfigError):
+    """A tensor's shape does not fit the place it is used in."""
+
+
+class DtypeError(ConfigError):
+    """A tensor is not float64. float32 time has steps of 3e-5 s at t = 329 s."""
+
+
+class WeightsFileError(ConfigError):
+    """A file of initial weights is missing, unreadable or does not fit."""
+
+
+class SolverError(MannError, RuntimeError):
+    """An integration could not be carried on; the message names time and cause."""

@@ -1,0 +1,95 @@
+"""Torch-only maths shared by memory, control and plants. Shapes as in `types`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from .errors import DtypeError
+
+Numbers = float | Sequence[float] | Sequence[Sequence[float]] | Tensor
+
+
+def as_float64(value: Numbers, what: str = "value") -> Tensor:
+    """Return `value` as a float64 tensor; a tensor of another dtype raises `DtypeError`.
+
+    A tensor that requires grad is passed through, so that gradients reach it.
+    """
+    if isinstance(value, Tensor):
+        if value.dtype != torch.float64:
+            raise DtypeError(
+                f"{what} is {value.dtype}; this library computes in float64 only "
+                "(float32 time has steps of 3e-5 s at t = 329 s): convert it with .double()"
+            )
+        return value
+    return torch.tensor(value, dtype=torch.float64)
+
+
+def row_times(x: Tensor, A: Tensor) -> Tensor:
+    """x' A: (..., a), (..., a, b) -> (..., b)."""
+    return (x.unsqueeze(-2) @ A).squeeze(-2)
+
+
+def times_column(A: Tensor, x: Tensor) -> Tensor:
+    """A x: (..., a, b), (..., b) -> (..., a)."""
+    return (A @ x.unsqueeze(-1)).squeeze(-1)
+
+
+def outer(a: Tensor, b: Tensor) -> Tensor:
+    """a b': (..., a), (..., b) -> (..., a, b)."""
+    return a.unsqueeze(-1) * b.unsqueeze(-2)
+
+
+def frobenius(A: Tensor) -> Tensor:
+    """Frobenius norm (..., a, b) -> (...,); its gradient at 0 is 0, not NaN."""
+    return torch.linalg.vector_norm(A, dim=(-2, -1))
+
+
+def solve_small(A: Tensor, B: Tensor) -> Tensor:
+    """Solve A X = B: (..., n, n), (..., n, k) -> (..., n, k).
+
+    Closed form for n <= 2 (it fuses and keeps a singular sample's inf or NaN to itself), LU
+    without a singularity check beyond that, for the same reason.
+    """
+    n = A.shape[-1]
+    if n == 1:
+        return B / A
+    if n == 2:
+        a, b, c, d = A.flatten(-2).unsqueeze(-2).unbind(-1)
+        top, bottom = B.unbind(-2)
+        solved = torch.stack([d * top - b * bottom, a * bottom - c * top], dim=-2)
+        return solved / (a * d - b * c).unsqueeze(-1)
+    return torch.linalg.solve_ex(A, B, check_errors=False).result
+
+
+def infinity_distances(query: Tensor, keys: Tensor) -> Tensor:
+    """|query - key_i|_inf: (..., D), (..., S, D) -> (..., S)."""
+    return (query.unsqueeze(-2) - keys).abs().amax(dim=-1)
+
+
+def one_hot(index: Tensor, size: int) -> Tensor:
+    """Boolean one-hot rows: (...,) int64 -> (..., size)."""
+    return torch.arange(size, device=index.device) == index.unsqueeze(-1)
+
+
+def nearest_weights(query: Tensor, keys: Tensor, active: Tensor) -> Tensor:
+    """Weight 1 on the active key nearest to the query in the infinity norm, 0 elsewhere.
+
+    Paper: eqs. (indsel), (indsel-1) and (factdef). The lowest index wins a tie. (..., S)
+    """
+    distances = infinity_distances(query, keys)
+    distances = torch.where(active, distances, torch.inf)
+    return one_hot(distances.argmin(dim=-1), keys.shape[-2]).to(query.dtype)
+
+
+def masked_softmax(scores: Tensor, active: Tensor) -> Tensor:
+    """Softmax over the active slots; 0 on the others. (..., S)"""
+    return torch.softmax(torch.where(active, scores, -torch.inf), dim=-1)
+
+
+def pick(condition: Tensor, new: Tensor, old: Tensor) -> Tensor:
+    """`torch.where` with the condition (...,) broadcast over trailing dimensions."""
+    extra = new.dim() - condition.dim()
+    return torch.where(condition.reshape(condition.shape + (1,) * extra), new, old)

@@ -1,0 +1,37 @@
+"""Continuous-time working memory with soft, hard and reallocating attention.
+
+This package imports nothing of control, plants or solvers: other learning code can use it alone.
+"""
+
+from .attention import Attention
+from .hard import HardAttention
+from .keys import KeyRule, RepresentationKeys, StateKeys
+from .reallocating import PHASES, ReallocatingAttention
+from .soft import SoftAttention
+from .working_memory import RESETS, WorkingMemory
+
+#: Names a configuration may use. A new mechanism is one file and one line here.
+ATTENTIONS: dict[str, type[Attention]] = {
+    "soft": SoftAttention,
+    "hard": HardAttention,
+    "reallocating": ReallocatingAttention,
+}
+KEY_RULES: dict[str, type[KeyRule]] = {
+    "representation": RepresentationKeys,
+    "state": StateKeys,
+}
+
+__all__ = [
+    "ATTENTIONS",
+    "KEY_RULES",
+    "PHASES",
+    "RESETS",
+    "Attention",
+    "HardAttention",
+    "KeyRule",
+    "ReallocatingAttention",
+    "RepresentationKeys",
+    "SoftAttention",
+    "StateKeys",
+    "WorkingMemory",
+]

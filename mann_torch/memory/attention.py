@@ -1,0 +1,34 @@
+"""The attention interface: who is attended, and when attention is to be shifted."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+from torch import Tensor
+
+from ..constraints import DesignModule
+from ..types import Comparison, MemoryMode, Shift
+
+
+class Attention(DesignModule):
+    """Interface of every attention mechanism. A leaf is one file; nothing else is overridden."""
+
+    #: Whether `decide_shift` can ever fire; where False, a rollout skips the test.
+    reallocates = False
+    #: Whether all slots are in use from the start.
+    starts_full = True
+
+    @abstractmethod
+    def forward(self, comparison: Comparison, active: Tensor) -> Tensor:
+        """Weights w_r (..., S): non-negative, sum 1, 0 on inactive slots.
+
+        `comparison` holds the query (..., D), keys (..., S, D) and their scale; `active`
+        (..., S) is boolean with at least one True in each row.
+        """
+
+    @abstractmethod
+    def decide_shift(self, distances: Tensor, mode: MemoryMode) -> Shift | None:
+        """Whether to reset a slot, and which; None if this mechanism never does.
+
+        `distances` (..., S) are |sigma - mu_i / c_w|_inf, the paper's relevance.
+        """

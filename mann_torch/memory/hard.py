@@ -1,0 +1,30 @@
+"""Hard attention: the nearest slot alone."""
+
+from __future__ import annotations
+
+from torch import Tensor
+
+from ..functional import nearest_weights
+from ..types import Comparison, MemoryMode, Shift
+from .attention import Attention
+
+
+def attend_nearest(comparison: Comparison, active: Tensor) -> Tensor:
+    """Weight 1 on the active slot with the nearest scaled key. (..., S)"""
+    scale = comparison.scale[..., None, None]
+    return nearest_weights(comparison.query, comparison.keys / scale, active)
+
+
+class HardAttention(Attention):
+    """w_r(i) = 1 for the slot whose key is nearest to the query (eqs. indsel, indsel-1, factdef).
+
+    All slots are active from the start and none is ever reset.
+    """
+
+    def forward(self, comparison: Comparison, active: Tensor) -> Tensor:
+        """One-hot weights (..., S); the lowest index wins a tie."""
+        return attend_nearest(comparison, active)
+
+    def decide_shift(self, distances: Tensor, mode: MemoryMode) -> Shift | None:
+        """Never shifts: None."""
+        return None

@@ -1,0 +1,168 @@
+"""The working memory: contents, write law, read, and the reset of a slot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from ..constraints import DesignModule, Positive
+from ..errors import ConfigError, ShapeError
+from ..functional import Numbers, frobenius, infinity_distances, one_hot, pick, row_times
+from ..types import MemoryMode, MemoryOutput, MemoryState
+from .attention import Attention
+from .keys import KeyRule, RepresentationKeys
+
+RESETS = ("scaled", "raw")
+
+
+class WorkingMemory(DesignModule):
+    """S slots of N numbers, written and read by attention.
+
+    Write law (paper, eq. memorywrite), with w = w_r(i), sigma the hidden features and W h_e' the
+    correction: d mu_i/dt = -w mu_i + c_w w sigma + w W h_e'. Read (eq. memoryread):
+    h_o = sum_i w_r(i) mu_i.
+
+    `write_gain` is c_w [-]. `reset` names what a reallocation writes: ``scaled`` = c_w sigma, the
+    write law's fixed point, or ``raw`` = sigma. `context_width` is the width of what state keys
+    compare (the arm's n joint positions).
+
+    State goes in and comes out; nothing is kept between calls. The buffers `initial_mu` (S, N)
+    and `initial_keys` (S, D) hold contents to start from once `store_` has filled them; before
+    that every slot starts as c_w sigma at t = 0.
+
+    Raises `ConfigError` for fewer than one slot or neuron or an unknown reset.
+    """
+
+    def __init__(
+        self,
+        n_slots: int,
+        n_hidden: int,
+        attention: Attention,
+        key_rule: KeyRule | None = None,
+        context_width: int = 0,
+        write_gain: Numbers = 0.75,
+        reset: str = "scaled",
+    ) -> None:
+        super().__init__()
+        for name, count in (("n_slots", n_slots), ("n_hidden", n_hidden)):
+            if count < 1:
+                raise ConfigError(f"{name} = {count}: a memory needs at least 1")
+        if reset not in RESETS:
+            raise ConfigError(f"unknown reset '{reset}'; choose from {', '.join(RESETS)}")
+        self.n_slots, self.n_hidden, self.context_width = n_slots, n_hidden, context_width
+        self.reset = reset
+        self.attention = attention
+        self.key_rule = RepresentationKeys() if key_rule is None else key_rule
+        self.write_gain: Tensor
+        self.declare("write_gain", write_gain, Positive())
+        self.initial_mu: Tensor
+        self.initial_keys: Tensor
+        self.has_contents: Tensor
+        width = self.key_rule.width(context_width)
+        self.register_buffer("initial_mu", torch.zeros(n_slots, n_hidden, dtype=torch.float64))
+        self.register_buffer("initial_keys", torch.zeros(n_slots, width, dtype=torch.float64))
+        self.register_buffer("has_contents", torch.tensor(False))
+
+    def initial_state(self, hidden: Tensor, context: Tensor) -> MemoryState:
+        """Memory at t = 0 for features (..., N) and context (..., C).
+
+        Every slot c_w sigma with fresh keys, or the stored contents. Raises `ShapeError`.
+        """
+        self._check(hidden, context)
+        batch = hidden.shape[:-1]
+        if bool(self.has_contents):
+            mu = self.initial_mu.expand(*batch, -1, -1)
+            return MemoryState(mu, self.initial_keys.expand(*batch, -1, -1))
+        fixed_point = self.write_gain.unsqueeze(-1) * hidden
+        mu = fixed_point.unsqueeze(-2).expand(*batch, self.n_slots, -1)
+        keys = self.key_rule.fresh_keys(context).unsqueeze(-2).expand(*batch, self.n_slots, -1)
+        return MemoryState(mu, keys)
+
+    def initial_mode(self, batch_shape: Sequence[int]) -> MemoryMode:
+        """All slots active, or only the first where attention grows the set."""
+        active = torch.ones(*batch_shape, self.n_slots, dtype=torch.bool)
+        if not self.attention.starts_full:
+            active[..., 1:] = False
+        count = torch.zeros(tuple(batch_shape), dtype=torch.int64)
+        return MemoryMode(active, count - 1, count, count.clone())
+
+    def forward(
+        self,
+        hidden: Tensor,
+        correction: Tensor,
+        context: Tensor,
+        memory: MemoryState,
+        mode: MemoryMode,
+    ) -> MemoryOutput:
+        """Read h_o (..., N), weights w_r (..., S) and d memory/dt at features (..., N).
+
+        `correction` (..., N) is W h_e'.
+        """
+        weights = self._attend(hidden, context, memory, mode)
+        target = self.write_gain.unsqueeze(-1) * hidden + correction
+        d_mu = weights.unsqueeze(-1) * (target.unsqueeze(-2) - memory.mu)
+        d_keys = self.key_rule.derivative(weights, context, memory)
+        return MemoryOutput(row_times(weights, memory.mu), weights, MemoryState(d_mu, d_keys))
+
+    def jump(
+        self, hidden: Tensor, context: Tensor, memory: MemoryState, mode: MemoryMode
+    ) -> tuple[MemoryState, MemoryMode]:
+        """Reallocate where attention asks for it, then note which slot is attended.
+
+        The reset slot gets c_w sigma or sigma (`reset`) and a fresh key; no other slot changes.
+        """
+        shift = None
+        if self.attention.reallocates:
+            shift = self.attention.decide_shift(self.relevance(hidden, memory), mode)
+        active, reallocations = mode.active, mode.reallocations
+        if shift is not None:
+            chosen = one_hot(shift.slot, self.n_slots) & shift.fires.unsqueeze(-1)
+            gain = self.write_gain.unsqueeze(-1) if self.reset == "scaled" else 1.0
+            fresh = self.key_rule.fresh_keys(context)
+            memory = MemoryState(
+                pick(chosen, (gain * hidden).unsqueeze(-2), memory.mu),
+                pick(chosen, fresh.unsqueeze(-2), memory.keys),
+            )
+            active = active | chosen
+            reallocations = reallocations + shift.fires
+        weights = self._attend(hidden, context, memory, mode._replace(active=active))
+        attended = weights.argmax(dim=-1)
+        switched = (attended != mode.attended) & (mode.attended >= 0)
+        return memory, MemoryMode(active, attended, mode.switches + switched, reallocations)
+
+    def relevance(self, hidden: Tensor, memory: MemoryState) -> Tensor:
+        """|sigma - mu_i / c_w|_inf (..., S), whatever the keys are."""
+        return infinity_distances(hidden, memory.mu / self.write_gain[..., None, None])
+
+    def magnitude(self, memory: MemoryState, mode: MemoryMode) -> Tensor:
+        """|mu|_F (...,) over the active slots; a slot not yet in use holds nothing."""
+        return frobenius(memory.mu * mode.active.unsqueeze(-1))
+
+    def store_(self, state: MemoryState) -> None:
+        """Keep one unbatched state, mu (S, N), as the contents to start from."""
+        if state.mu.shape != self.initial_mu.shape or state.keys.shape != self.initial_keys.shape:
+            raise ShapeError(
+                f"store_ takes one memory, mu {tuple(self.initial_mu.shape)} and keys "
+                f"{tuple(self.initial_keys.shape)}; got {tuple(state.mu.shape)} and "
+                f"{tuple(state.keys.shape)}: choose one sample of the batch"
+            )
+        self.initial_mu.copy_(state.mu.detach())
+        self.initial_keys.copy_(state.keys.detach())
+        self.has_contents.fill_(True)
+
+    def _attend(
+        self, hidden: Tensor, context: Tensor, memory: MemoryState, mode: MemoryMode
+    ) -> Tensor:
+        comparison = self.key_rule.query_keys(hidden, context, memory, self.write_gain)
+        weights: Tensor = self.attention(comparison, mode.active)
+        return weights
+
+    def _check(self, hidden: Tensor, context: Tensor) -> None:
+        fits = self.context_width in (0, context.shape[-1])
+        if hidden.shape[-1] != self.n_hidden or not fits:
+            raise ShapeError(
+                f"memory of N = {self.n_hidden}, context width {self.context_width} got features "
+                f"{tuple(hidden.shape)} and context {tuple(context.shape)}"
+            )

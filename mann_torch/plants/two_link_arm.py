@@ -1,0 +1,123 @@
+"""The paper's planar two-link arm."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from ..errors import DomainError, ShapeError
+from ..functional import Numbers, as_float64
+from ..types import PlantState
+from .plant import Plant
+
+
+class ArmParameters(NamedTuple):
+    """Physical parameters of the arm, one row per sample (build with `arm_parameters`)."""
+
+    masses: Tensor  # (..., 2) m_1, m_2 [kg]
+    lengths: Tensor  # (..., 2) l_1, l_2 [m]
+    viscous: Tensor  # (..., 2) [N m s/rad]
+    coulomb: Tensor  # (..., 2) [N m]
+
+
+def arm_parameters(
+    masses: Numbers = (0.8, 2.3),
+    lengths: Numbers = (1.0, 1.0),
+    viscous: Numbers = (0.0, 0.0),
+    coulomb: Numbers = (0.0, 0.0),
+) -> ArmParameters:
+    """Checked parameters of the arm, each (..., 2); the defaults are the paper's.
+
+    Raises `ShapeError` where the last dimension is not 2, `DomainError` for masses or lengths
+    that are not finite and > 0 or friction that is not finite and >= 0.
+    """
+    given = {"masses": masses, "lengths": lengths, "viscous": viscous, "coulomb": coulomb}
+    checked = []
+    for name, value in given.items():
+        tensor = as_float64(value, name)
+        if tensor.dim() < 1 or tensor.shape[-1] != 2:
+            raise ShapeError(f"{name} has shape {tuple(tensor.shape)}; give one number a link (2)")
+        strict = name in ("masses", "lengths")
+        ok = torch.isfinite(tensor) & (tensor > 0 if strict else tensor >= 0)
+        if not bool(ok.all()):
+            bound = "> 0" if strict else ">= 0"
+            raise DomainError(f"{name} = {tensor.tolist()}: must be finite and {bound}")
+        checked.append(tensor)
+    return ArmParameters(*checked)
+
+
+class ArmCoefficients(NamedTuple):
+    """The paper's abbreviations (...,) and the friction (..., 2)."""
+
+    phi: Tensor  # (m_1 + m_2) l_1^2 [kg m^2]
+    rho: Tensor  # m_2 l_2^2 [kg m^2]
+    psi: Tensor  # m_2 l_1 l_2 [kg m^2]
+    phi_gamma: Tensor  # phi g / l_1 [N m]
+    psi_gamma: Tensor  # psi g / l_1 [N m]
+    viscous: Tensor  # [N m s/rad]
+    coulomb: Tensor  # [N m]
+
+
+def _matrix(a: Tensor, b: Tensor, c: Tensor, d: Tensor) -> Tensor:
+    flat = torch.stack(torch.broadcast_tensors(a, b, c, d), dim=-1)
+    return flat.reshape(*flat.shape[:-1], 2, 2)
+
+
+class TwoLinkArm(Plant):
+    """Two links in a vertical plane. Paper: eqs. (mass), (cor) and the load vector after them.
+
+    `gravity` g [m/s^2]. Coulomb friction is smoothed, coulomb tanh(qd / `coulomb_velocity`)
+    [rad/s], so that it has a derivative.
+    """
+
+    n_joints = 2
+
+    def __init__(self, gravity: float = 9.8, coulomb_velocity: float = 0.01) -> None:
+        super().__init__()
+        for name, value in (("gravity", gravity), ("coulomb_velocity", coulomb_velocity)):
+            if not 0.0 <= value < float("inf") or (name != "gravity" and value == 0.0):
+                raise DomainError(f"{name} = {value}: must be finite and positive")
+        self.gravity, self.coulomb_velocity = gravity, coulomb_velocity
+
+    def coefficients(self, parameters: ArmParameters) -> ArmCoefficients:
+        """phi, rho, psi and gamma = g / l_1 from masses and lengths (..., 2)."""
+        m_1, m_2 = parameters.masses.unbind(-1)
+        l_1, l_2 = parameters.lengths.unbind(-1)
+        phi, rho, psi = (m_1 + m_2) * l_1 * l_1, m_2 * l_2 * l_2, m_2 * l_1 * l_2
+        gamma = self.gravity / l_1
+        return ArmCoefficients(
+            phi, rho, psi, phi * gamma, psi * gamma, parameters.viscous, parameters.coulomb
+        )
+
+    def mass_matrix(self, q: Tensor, coefficients: ArmCoefficients) -> Tensor:
+        """M(q) (..., 2, 2) [kg m^2]."""
+        phi, rho, psi = coefficients[:3]
+        coupling = psi * torch.cos(q[..., 1])
+        off = rho + coupling
+        return _matrix(phi + off + coupling, off, off, rho)
+
+    def coriolis(self, q: Tensor, qd: Tensor, coefficients: ArmCoefficients) -> Tensor:
+        """V_m(q, qd) (..., 2, 2) [N m s/rad]."""
+        h = coefficients.psi * torch.sin(q[..., 1])
+        qd_1, qd_2 = qd.unbind(-1)
+        first = h * qd_1
+        return _matrix(-h * qd_2, -h * (qd_1 + qd_2), first, torch.zeros_like(first))
+
+    def load(self, q: Tensor, qd: Tensor, coefficients: ArmCoefficients) -> Tensor:
+        """Gravity plus friction (..., 2) [N m]."""
+        q_1, q_2 = q.unbind(-1)
+        outer_link = coefficients.psi_gamma * torch.cos(q_1 + q_2)
+        inner_link = coefficients.phi_gamma * torch.cos(q_1)
+        gravity = torch.stack([inner_link + outer_link, outer_link], dim=-1)
+        friction = torch.tanh(qd / self.coulomb_velocity) * coefficients.coulomb
+        return gravity + coefficients.viscous * qd + friction
+
+    def energy(self, state: PlantState, coefficients: ArmCoefficients) -> Tensor:
+        """Kinetic plus potential energy (...,) [J]."""
+        q_1, q_2 = state.q.unbind(-1)
+        qd = state.qd.unsqueeze(-1)
+        kinetic = 0.5 * (qd.mT @ self.mass_matrix(state.q, coefficients) @ qd)[..., 0, 0]
+        potential = coefficients.phi_gamma * torch.sin(q_1)
+        return kinetic + potential + coefficients.psi_gamma * torch.sin(q_1 + q_2)

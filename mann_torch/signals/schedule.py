@@ -1,0 +1,82 @@
+"""Piecewise-constant plant parameters, each sample with its own jump times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from ..errors import ConfigError, ShapeError
+from ..functional import Numbers, as_float64
+
+
+class PiecewiseConstant:
+    """Value `values[..., k, :]` from `times[..., k-1]` (included) to `times[..., k]` (excluded).
+
+    `times` (..., K) [s] increase and are > 0; inf pads a sample with fewer jumps. `values`
+    (..., K + 1, d) may require grad. Raises `ConfigError` or `ShapeError`.
+    """
+
+    def __init__(self, times: Numbers, values: Numbers) -> None:
+        self.times = as_float64(times, "schedule times").detach()
+        self.values = as_float64(values, "schedule values")
+        if self.values.dim() != self.times.dim() + 1 or (
+            self.values.shape[:-1] != (*self.times.shape[:-1], self.times.shape[-1] + 1)
+        ):
+            raise ShapeError(
+                f"schedule of times {tuple(self.times.shape)} and values "
+                f"{tuple(self.values.shape)}: one value row more than times is needed"
+            )
+        finite = torch.where(torch.isinf(self.times), torch.finfo(torch.float64).max, self.times)
+        order = torch.diff(finite, dim=-1)
+        padded = torch.isinf(self.times)[..., 1:]
+        if bool((torch.isnan(self.times) | (self.times <= 0)).any()) or bool(
+            ((order <= 0) & ~padded).any()
+        ):
+            raise ConfigError(f"schedule times {self.times.tolist()}: must increase from > 0")
+
+    @property
+    def batch_shape(self) -> torch.Size:
+        """Leading batch dimensions `...`."""
+        return self.times.shape[:-1]
+
+    def knots(self) -> list[float]:
+        """All jump times of all samples, sorted, each once [s]."""
+        finite = self.times[torch.isfinite(self.times)]
+        return sorted(set(finite.reshape(-1).tolist()))
+
+    def at(self, t: Tensor) -> Tensor:
+        """Values in force at times t [s]: (*t.shape, ..., d)."""
+        t = t.reshape(t.shape + (1,) * self.times.dim())
+        index = (self.times <= t).sum(dim=-1)
+        batch = index.shape
+        values = self.values.expand(*batch, *self.values.shape[-2:])
+        index = index[..., None, None].expand(*batch, 1, values.shape[-1])
+        return values.gather(-2, index).squeeze(-2)
+
+    @staticmethod
+    def stack(schedules: Sequence[PiecewiseConstant]) -> PiecewiseConstant:
+        """One schedule with a new leading batch dimension; shorter ones are padded."""
+        longest = max(schedule.times.shape[-1] for schedule in schedules)
+        times, values = [], []
+        for schedule in schedules:
+            missing = longest - schedule.times.shape[-1]
+            pad = schedule.times.new_full((*schedule.batch_shape, missing), torch.inf)
+            times.append(torch.cat([schedule.times, pad], dim=-1))
+            last = schedule.values[..., -1:, :]
+            values.append(torch.cat([schedule.values] + [last] * missing, dim=-2))
+        return PiecewiseConstant(torch.stack(times), torch.stack(values))
+
+
+def multiplied(initial: Sequence[float], factors: Sequence[float]) -> list[list[float]]:
+    """Rows of values that start at `initial` and are multiplied by one factor a jump."""
+    rows = [list(initial)]
+    for factor in factors:
+        rows.append([factor * value for value in rows[-1]])
+    return rows
+
+
+def growing_square(initial: Sequence[float], increment: float, jumps: int) -> list[list[float]]:
+    """Rows m(n) = m(0) sqrt(1 + increment n): the paper's m^2 -> m^2 + increment m(0)^2."""
+    return [[value * (1.0 + increment * n) ** 0.5 for value in initial] for n in range(jumps + 1)]

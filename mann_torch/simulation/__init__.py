@@ -1,0 +1,26 @@
+"""Closed loops, solvers and rollouts: where plants, controllers and signals meet."""
+
+from .closed_loop import ClosedLoop
+from .implicit import Implicit
+from .odeint import METHODS, Odeint
+from .rollout import rollout
+from .scenario import Scenario
+from .solver import Flow, Solver
+from .trajectory import Status, Trajectory
+
+#: Names a configuration may use.
+SOLVERS: tuple[str, ...] = ("implicit", *METHODS)
+
+__all__ = [
+    "METHODS",
+    "SOLVERS",
+    "ClosedLoop",
+    "Flow",
+    "Implicit",
+    "Odeint",
+    "Scenario",
+    "Solver",
+    "Status",
+    "Trajectory",
+    "rollout",
+]

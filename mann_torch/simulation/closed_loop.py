@@ -1,0 +1,88 @@
+"""Plant and controller as one hybrid system: it flows, and it jumps."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from ..control import Controller
+from ..errors import ShapeError
+from ..plants import Plant
+from ..plants.plant import Coefficients
+from ..signals import Reference
+from ..trees import map_tensors
+from ..types import ControlOutput, Linearization, LoopState, Mode, NetworkState
+from .scenario import Scenario
+
+
+class ClosedLoop(nn.Module):
+    """A plant under a controller. Between jumps the discrete mode is frozen."""
+
+    def __init__(self, plant: Plant, controller: Controller) -> None:
+        super().__init__()
+        self.plant = plant
+        self.controller = controller
+
+    def initial_state(self, scenario: Scenario, network: NetworkState) -> tuple[LoopState, Mode]:
+        """State (..., *event) and mode at t = 0, expanded to the common batch shape.
+
+        Raises `ShapeError` where scenario and weights do not broadcast or sizes do not fit.
+        """
+        n = self.plant.n_joints
+        if scenario.reference.n_joints != n or network.W.shape[-1] != n:
+            raise ShapeError(
+                f"a plant of {n} joints got a reference of {scenario.reference.n_joints} and "
+                f"network outputs of {network.W.shape[-1]}"
+            )
+        events = NetworkState(2, 1, 2, 1)  # type: ignore[arg-type]
+        try:
+            batch = torch.broadcast_shapes(
+                scenario.batch_shape,
+                *(leaf.shape[:-k] for leaf, k in zip(network, events)),  # noqa: B905
+            )
+        except RuntimeError as error:
+            raise ShapeError(f"scenario and initial weights do not broadcast: {error}") from None
+        network = NetworkState(
+            *(leaf.expand(*batch, *leaf.shape[-k:]) for leaf, k in zip(network, events))  # noqa: B905
+        )
+        start = map_tensors(lambda leaf: leaf.expand(*batch, n), scenario.start_state())
+        t = torch.zeros((), dtype=torch.float64)
+        reference = scenario.reference.expand(batch)(t)
+        state, mode = self.controller.initial_state(reference, self.plant.measure(start), network)
+        return LoopState(start, state), mode
+
+    def observe(
+        self, t: Tensor, state: LoopState, mode: Mode, reference: Reference
+    ) -> ControlOutput:
+        """The controller's torque and signals at times t [s] for saved states (*t.shape, ...)."""
+        output: ControlOutput = self.controller(
+            reference(t), self.plant.measure(state.plant), state.controller, mode
+        )
+        return output
+
+    def flow(
+        self,
+        t: Tensor,
+        state: LoopState,
+        mode: Mode,
+        reference: Reference,
+        coefficients: Coefficients,
+        linearize: bool = False,
+    ) -> tuple[LoopState, Linearization | None]:
+        """Time derivative of the state; with `linearize`, also the stiff block.
+
+        `coefficients` are the plant's, from its parameters in force at t.
+        """
+        output = self.observe(t, state, mode, reference)
+        gains = self.controller.torque_gains(output, state.controller) if linearize else None
+        d_plant, block = self.plant.derivative(state.plant, output.torque, coefficients, gains)
+        return LoopState(d_plant, output.d_state), block
+
+    def jump(
+        self, t: Tensor, state: LoopState, mode: Mode, reference: Reference
+    ) -> tuple[LoopState, Mode]:
+        """The controller's discrete decisions at time t [s]: reallocation of slots."""
+        controller, mode = self.controller.jump(
+            reference(t), self.plant.measure(state.plant), state.controller, mode
+        )
+        return LoopState(state.plant, controller), mode

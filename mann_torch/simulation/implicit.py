@@ -1,0 +1,51 @@
+"""The linearly implicit W-method: stable at 5 ms where explicit methods need 0.2 ms."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from ..functional import solve_small, times_column
+from ..types import Linearization
+from .solver import Flow, Solver
+
+GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
+
+
+class Implicit(Solver):
+    """ROS2 as a W-method: two stages, order 2 with any matrix A, L-stable.
+
+    k1 = (I - g h A)^-1 F(y), k2 = (I - g h A)^-1 (F(y + h k1) - 2 k1),
+    y+ = y + 3/2 h k1 + 1/2 h k2, with g = 1 - 1/sqrt 2 and A the plant's stiff block
+    [[0, I], [-K, -P]] alone, so that each solve is n x n. Verwer et al., SIAM J. Sci. Comput. 20
+    (1999). No Newton iteration, no Jacobian by autodiff.
+    """
+
+    def __init__(self, dt: float = 5e-3, compile: bool = False) -> None:
+        super().__init__(dt, compile)
+
+    @property
+    def name(self) -> str:
+        """implicit"""
+        return "implicit"
+
+    def step(self, flow: Flow, t: Tensor, h: Tensor, y: Tensor) -> Tensor:
+        """One step (..., M) -> (..., M)."""
+        rate, block = flow.linearized(t, y)
+        k_1 = _damped(rate, block, GAMMA * h)
+        rate_2 = flow(t + h, y + h * k_1)
+        k_2 = _damped(rate_2 - 2.0 * k_1, block, GAMMA * h)
+        return y + h * (1.5 * k_1 + 0.5 * k_2)
+
+
+def _damped(rate: Tensor, block: Linearization, gh: Tensor) -> Tensor:
+    """(I - g h A)^-1 rate: (I + gh P + gh^2 K) k_v = f_v - gh K f_q; k_q = f_q + gh k_v."""
+    n = block.damping.shape[-1]
+    f_q, f_v, rest = rate[..., :n], rate[..., n : 2 * n], rate[..., 2 * n :]
+    eye = torch.eye(n, dtype=rate.dtype, device=rate.device)
+    matrix = eye + gh * (block.damping + gh * block.stiffness)
+    right = f_v - gh * times_column(block.stiffness, f_q)
+    k_v = solve_small(matrix, right.unsqueeze(-1)).squeeze(-1)
+    return torch.cat([f_q + gh * k_v, k_v, rest], dim=-1)

@@ -1,0 +1,111 @@
+"""torchdiffeq's methods behind the solver interface. The only file that imports torchdiffeq."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from torch import Tensor
+from torchdiffeq import odeint
+
+from ..errors import ConfigError, SolverError
+from .solver import Flow, Solver
+
+ADAPTIVE = ("dopri5", "dopri8", "bosh3", "fehlberg2", "adaptive_heun")
+FIXED = ("rk4", "euler", "midpoint", "heun2", "heun3", "explicit_adams", "implicit_adams")
+METHODS = (*ADAPTIVE, *FIXED, "scipy_solver")
+
+# Stands for a non-finite derivative: adaptive methods shrink their step, fixed ones diverge.
+HUGE = 1e30
+
+
+class Odeint(Solver):
+    """A torchdiffeq method from decision time to decision time, `dt` [s] apart.
+
+    `method` is one of `METHODS`; `rtol`, `atol` serve the adaptive ones and hold per sample (the
+    step is shared over the batch); `max_step` [s] is the inner step of the fixed ones, `dt` if not
+    given. `scipy_solver` (LSODA) gives no gradient. A step that torchdiffeq refuses, or that needs
+    more than `max_evaluations`, is repeated sample by sample: only those that fail come back NaN.
+
+    Raises `ConfigError` for an unknown method or a setting out of range.
+    """
+
+    fuses_step = False
+
+    def __init__(
+        self,
+        method: str = "dopri5",
+        dt: float = 5e-3,
+        rtol: float = 1e-5,
+        atol: float = 1e-8,
+        max_step: float | None = None,
+        max_evaluations: int = 100_000,
+        compile: bool = False,
+    ) -> None:
+        super().__init__(dt, compile)
+        if method not in METHODS:
+            raise ConfigError(f"unknown method '{method}'; choose from {', '.join(METHODS)}")
+        limits = {"rtol": rtol, "atol": atol, "max_step": max_step or dt}
+        for name, value in {**limits, "max_evaluations": max_evaluations}.items():
+            if not 0 < value < float("inf"):
+                raise ConfigError(f"{name} = {value}: must be finite and > 0")
+        if max_step is not None and max_step <= 0:
+            raise ConfigError(f"max_step = {max_step}: must be finite and > 0")
+        self.method, self.rtol, self.atol = method, rtol, atol
+        self.max_step, self.max_evaluations = max_step or dt, max_evaluations
+
+    @property
+    def name(self) -> str:
+        """The method's name."""
+        return self.method
+
+    def step(self, flow: Flow, t: Tensor, h: Tensor, y: Tensor) -> Tensor:
+        """y(t + h); samples that fail are NaN."""
+        shape = y.shape
+        everyone = torch.ones(shape[:-1], dtype=torch.bool)
+        try:
+            return self._solve(flow, t, h, y, everyone)
+        except (SolverError, AssertionError):
+            pass
+        rows = []
+        for index in range(everyone.numel()):
+            alone = torch.zeros(everyone.numel(), dtype=torch.bool)
+            alone[index] = True
+            try:
+                solved = self._solve(flow, t, h, y, alone.reshape(everyone.shape))
+                rows.append(solved.reshape(-1, shape[-1])[index])
+            except (SolverError, AssertionError):
+                rows.append(torch.full_like(y.reshape(-1, shape[-1])[index], torch.nan))
+        return torch.stack(rows).reshape(shape)
+
+    def _solve(self, flow: Flow, t: Tensor, h: Tensor, y: Tensor, moving: Tensor) -> Tensor:
+        evaluations = 0
+
+        def rate(time: Tensor, state: Tensor) -> Tensor:
+            nonlocal evaluations
+            evaluations += 1
+            if evaluations > self.max_evaluations:
+                raise SolverError(
+                    f"{self.method} needed over {self.max_evaluations} evaluations at "
+                    f"t = {float(time):.6g} s: take a smaller dt or solver=implicit"
+                )
+            value = torch.where(moving.unsqueeze(-1), flow(time, state), 0.0)
+            return torch.nan_to_num(value, nan=HUGE, posinf=HUGE, neginf=-HUGE)
+
+        times = torch.stack([t, t + h])
+        end: Tensor = odeint(rate, y, times, method=self.method, **self._settings(float(h)))[-1]
+        return end
+
+    def _settings(self, h: float) -> dict[str, Any]:
+        if self.method in ADAPTIVE:
+            return {"rtol": self.rtol, "atol": self.atol, "options": {"norm": _worst_sample}}
+        if self.method == "scipy_solver":
+            options = {"solver": "LSODA"}
+            return {"rtol": self.rtol, "atol": self.atol, "options": options}
+        pieces = max(1, round(h / self.max_step + 0.499999))
+        return {"options": {"step_size": h / pieces}}
+
+
+def _worst_sample(error: Tensor) -> Tensor:
+    """Largest RMS over the samples: no sample hides behind its batch mates."""
+    return error.square().mean(dim=-1).sqrt().max()

@@ -1,0 +1,108 @@
+"""What is asked of the closed loop: reference, plant parameters, jumps, horizon."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor
+
+from ..errors import ConfigError, ShapeError
+from ..functional import as_float64
+from ..plants.plant import Parameters
+from ..signals import PiecewiseConstant, Reference
+from ..trees import leaves, map_tensors
+from ..types import PlantState
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One task or a batch of tasks; every member may carry leading batch dimensions `...`.
+
+    `schedule` names fields of the plant's parameters (``masses``) that jump in time. `horizon`
+    [s] is a number or a tensor (...,): a sample's metrics stop at its own. `start` is the plant's
+    state at t = 0, at rest at q = 0 if not given.
+
+    Raises `ConfigError` for a horizon that is not finite and > 0 or a schedule of an unknown
+    field, `ShapeError` where batch shapes do not broadcast.
+    """
+
+    reference: Reference
+    parameters: Parameters
+    horizon: float | Tensor
+    schedule: Mapping[str, PiecewiseConstant] = field(default_factory=dict)
+    start: PlantState | None = None
+    name: str = "scenario"
+
+    def __post_init__(self) -> None:
+        horizon = as_float64(self.horizon, "horizon")
+        if not bool((torch.isfinite(horizon) & (horizon > 0)).all()):
+            raise ConfigError(f"horizon = {horizon.tolist()}: must be finite and > 0")
+        object.__setattr__(self, "horizon", horizon)
+        for name in self.schedule:
+            if name not in self.parameters._fields:
+                raise ConfigError(
+                    f"schedule of '{name}': the plant has {', '.join(self.parameters._fields)}"
+                )
+        try:
+            _ = self.batch_shape
+        except RuntimeError as error:
+            raise ShapeError(f"scenario '{self.name}': {error}") from None
+
+    @property
+    def batch_shape(self) -> torch.Size:
+        """Leading batch dimensions `...` of all parts together."""
+        shapes = [self.reference.batch_shape, as_float64(self.horizon).shape]
+        shapes += [leaf.shape[:-1] for leaf in leaves(self.parameters)]
+        shapes += [schedule.batch_shape for schedule in self.schedule.values()]
+        if self.start is not None:
+            shapes += [leaf.shape[:-1] for leaf in self.start]
+        return torch.broadcast_shapes(*shapes)
+
+    @property
+    def end(self) -> float:
+        """The longest horizon of the batch [s]."""
+        return float(as_float64(self.horizon).max())
+
+    def knots(self) -> list[float]:
+        """Jump times of all samples, sorted [s]."""
+        times = {t for schedule in self.schedule.values() for t in schedule.knots()}
+        return sorted(times)
+
+    def parameters_at(self, t: Tensor) -> Parameters:
+        """Plant parameters in force at times t [s]."""
+        moving = {name: schedule.at(t) for name, schedule in self.schedule.items()}
+        return self.parameters._replace(**moving)
+
+    def start_state(self) -> PlantState:
+        """Plant state at t = 0, (..., n)."""
+        if self.start is not None:
+            return self.start
+        zero = torch.zeros(self.reference.n_joints, dtype=torch.float64)
+        return PlantState(zero, zero)
+
+    @staticmethod
+    def stack(scenarios: Sequence[Scenario], name: str = "batch") -> Scenario:
+        """One scenario with a new leading batch dimension, a row per given scenario.
+
+        All must be of the same batch shape, the same kind of reference and the same scheduled
+        fields. Raises `ConfigError` otherwise.
+        """
+        first = scenarios[0]
+        kinds = {(type(s.reference), tuple(sorted(s.schedule))) for s in scenarios}
+        if len(kinds) > 1:
+            raise ConfigError("only scenarios with one kind of reference and schedule stack")
+        starts = [scenario.start_state() for scenario in scenarios]
+        rows = [scenario.parameters for scenario in scenarios]
+        return Scenario(
+            reference=first.reference.stack([s.reference for s in scenarios]),
+            parameters=map_tensors(lambda *t: torch.stack(t), *rows),
+            horizon=torch.stack([as_float64(s.horizon) for s in scenarios]),
+            schedule={
+                key: PiecewiseConstant.stack([s.schedule[key] for s in scenarios])
+                for key in first.schedule
+            },
+            start=map_tensors(lambda *t: torch.stack(t), *starts),
+            name=name,
+        )

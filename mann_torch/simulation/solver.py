@@ -1,0 +1,47 @@
+"""The solver interface: one step of a flat state."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Protocol
+
+from torch import Tensor
+
+from ..errors import ConfigError
+from ..types import Linearization
+
+
+class Flow(Protocol):
+    """The vector field of a loop on flat states y (..., M); the first 2n entries are q and qd."""
+
+    def __call__(self, t: Tensor, y: Tensor) -> Tensor:
+        """dy/dt (..., M)."""
+
+    def linearized(self, t: Tensor, y: Tensor) -> tuple[Tensor, Linearization]:
+        """dy/dt (..., M) and the stiff block of the plant's velocities."""
+
+
+class Solver(ABC):
+    """Interface of every solver. `dt` [s] is the step, and the interval of decisions.
+
+    With `compile`, the rollout runs what `fuses_step` says through `torch.compile`.
+    Raises `ConfigError` unless dt is finite and > 0.
+    """
+
+    #: True if the whole step can be compiled, False if only the vector field can.
+    fuses_step = True
+
+    def __init__(self, dt: float, compile: bool = False) -> None:
+        if not 0.0 < dt < float("inf"):
+            raise ConfigError(f"dt = {dt}: must be finite and > 0")
+        self.dt = dt
+        self.compile = compile
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """The name a configuration uses."""
+
+    @abstractmethod
+    def step(self, flow: Flow, t: Tensor, h: Tensor, y: Tensor) -> Tensor:
+        """y(t + h) (..., M) from y(t); a sample that cannot be integrated comes back as NaN."""

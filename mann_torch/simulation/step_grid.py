@@ -1,0 +1,77 @@
+"""The time grid of a rollout: uniform steps that end exactly on every parameter jump."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from ..errors import ConfigError
+
+# Knots closer together than this [s] count as one: no solver can step between them.
+MERGE = 1e-9
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Steps over which all plant parameters are constant."""
+
+    first: int  # index of the first step
+    last: int  # index after the last step
+    lookup: float  # time at which the parameters in force are read [s]
+
+
+class StepGrid:
+    """Times 0 = t_0 < ... < t_T = horizon with steps of at most `dt`, split at `knots`.
+
+    Raises `ConfigError` unless dt is finite and > 0.
+    """
+
+    def __init__(self, horizon: float, knots: Sequence[float], dt: float) -> None:
+        if not (math.isfinite(dt) and dt > 0):
+            raise ConfigError(f"dt = {dt}: must be finite and > 0")
+        edges: list[float] = [0.0]
+        lookups: list[float] = [0.0]
+        for knot in sorted(knots):
+            if knot >= horizon - MERGE:
+                break
+            if knot - edges[-1] <= MERGE:
+                lookups[-1] = knot
+            else:
+                edges.append(knot)
+                lookups.append(knot)
+        edges.append(horizon)
+        pieces: list[Tensor] = []
+        self.segments: list[Segment] = []
+        first = 0
+        for start, end, lookup in zip(edges[:-1], edges[1:], lookups, strict=True):
+            n = max(1, math.ceil((end - start) / dt - 1e-6))
+            fraction = torch.arange(n, dtype=torch.float64) / n
+            pieces.append(start + (end - start) * fraction)
+            self.segments.append(Segment(first, first + n, lookup))
+            first += n
+        pieces.append(torch.tensor([horizon], dtype=torch.float64))
+        self.times = torch.cat(pieces)
+
+    @property
+    def n_steps(self) -> int:
+        """T."""
+        return len(self.times) - 1
+
+    def samples(self, sample_dt: float, until: float | None = None) -> list[int]:
+        """Indices of the grid times at or next after every multiple of `sample_dt` [s].
+
+        The last one is always included; `until` [s] ends the sampling early.
+        """
+        if not (math.isfinite(sample_dt) and sample_dt > 0):
+            raise ConfigError(f"sample_dt = {sample_dt}: must be finite and > 0")
+        end = float(self.times[-1]) if until is None else min(until, float(self.times[-1]))
+        wanted = torch.arange(int(end / sample_dt + 1e-9) + 1, dtype=torch.float64) * sample_dt
+        index = torch.searchsorted(self.times, wanted - MERGE).clamp(max=self.n_steps)
+        found = sorted({int(i) for i in index.unique()})
+        if until is None and found[-1] != self.n_steps:
+            found.append(self.n_steps)
+        return found

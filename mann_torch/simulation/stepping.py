@@ -1,0 +1,127 @@
+"""One step of a whole batch: jump, flow, and hold on to samples that diverge."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+from ..functional import pick
+from ..plants.plant import Coefficients
+from ..signals import Reference
+from ..trees import Packer, map_tensors
+from ..types import Linearization, LoopState, Mode
+from .closed_loop import ClosedLoop
+from .compiling import CompiledOrEager
+from .solver import Solver
+
+
+class Carry(NamedTuple):
+    """What passes from step to step."""
+
+    y: Tensor  # (..., M)
+    mode: Mode
+    alive: Tensor  # (...,) bool
+
+
+class _FlatFlow:
+    """The loop's vector field on flat states, with mode and coefficients frozen."""
+
+    def __init__(
+        self,
+        rates: Callable[..., Any],
+        mode: Mode,
+        reference: Reference,
+        coefficients: Coefficients,
+    ) -> None:
+        self._rates = rates
+        self._frozen = (mode, reference, coefficients)
+
+    def __call__(self, t: Tensor, y: Tensor) -> Tensor:
+        rate: Tensor = self._rates(t, y, *self._frozen, False)[0]
+        return rate
+
+    def linearized(self, t: Tensor, y: Tensor) -> tuple[Tensor, Linearization]:
+        result: tuple[Tensor, Linearization] = self._rates(t, y, *self._frozen, True)
+        return result
+
+
+class Stepper:
+    """One jump and one solver step of the whole batch, compiled if asked for."""
+
+    def __init__(
+        self, loop: ClosedLoop, solver: Solver, packer: Packer[LoopState], limit: float
+    ) -> None:
+        self._loop, self._solver, self._packer, self._limit = loop, solver, packer, limit
+        self._rates: Callable[..., Any] = self._flat_rates
+        self._call: Callable[..., Carry] = self._advance
+        self._compiled: CompiledOrEager | None = None
+        if solver.compile:
+            if solver.fuses_step:
+                self._call = self._compiled = CompiledOrEager(self._advance)
+            else:
+                self._rates = self._compiled = CompiledOrEager(self._flat_rates)
+
+    @property
+    def engine(self) -> str:
+        return "eager" if self._compiled is None else self._compiled.engine
+
+    def __call__(
+        self, t: Tensor, h: Tensor, carry: Carry, reference: Reference, coefficients: Coefficients
+    ) -> Carry:
+        return self._call(t, h, carry, reference, coefficients)
+
+    def _flat_rates(
+        self,
+        t: Tensor,
+        y: Tensor,
+        mode: Mode,
+        reference: Reference,
+        coefficients: Coefficients,
+        linearize: bool,
+    ) -> tuple[Tensor, Linearization | None]:
+        rate, block = self._loop.flow(
+            t, self._packer.unpack(y), mode, reference, coefficients, linearize
+        )
+        return self._packer.pack(rate), block
+
+    def _advance(
+        self, t: Tensor, h: Tensor, carry: Carry, reference: Reference, coefficients: Coefficients
+    ) -> Carry:
+        y, mode = carry.y, carry.mode
+        if mode is not None:
+            state, mode = self._loop.jump(t, self._packer.unpack(y), mode, reference)
+            if self._loop.controller.reallocates:
+                y = self._packer.pack(state)
+        flow = _FlatFlow(self._rates, mode, reference, coefficients)
+        y = self._solver.step(flow, t, h, y)
+        # NaN compares as False, so that this catches it too.
+        return Carry(y, mode, y.abs().amax(dim=-1) < self._limit)
+
+    def without_dead(
+        self,
+        t: Tensor,
+        h: Tensor,
+        carry: Carry,
+        safe: Tensor,
+        reference: Reference,
+        coefficients: Coefficients,
+    ) -> Carry:
+        """The step again with the samples that are or fall dead held at their last state.
+
+        They compute from `safe` (..., M) instead, so that their numbers stay finite and no NaN of
+        theirs reaches a shared gradient (`where` alone would pass it: 0 times NaN is NaN).
+        """
+        alive = carry.alive
+        while True:
+            y = torch.where(alive.unsqueeze(-1), carry.y, safe)
+            after = self(t, h, carry._replace(y=y), reference, coefficients)
+            still = alive & after.alive
+            if bool((still == alive).all()):
+                break
+            alive = still
+        y = torch.where(alive.unsqueeze(-1), after.y, carry.y)
+        mode = map_tensors(lambda new, old: pick(alive, new, old), after.mode, carry.mode)
+        return Carry(y, mode, alive)

@@ -1,0 +1,74 @@
+"""Nested NamedTuples of tensors: map over their leaves, pack them into one flat tensor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Generic, TypeVar
+
+import torch
+from torch import Tensor
+
+Tree = TypeVar("Tree")
+
+
+def leaves(tree: Any) -> list[Tensor]:
+    """The tensors of a tree in field order; None is an empty branch."""
+    if isinstance(tree, Tensor):
+        return [tree]
+    found: list[Tensor] = []
+    if tree is not None:
+        for branch in tree:
+            found += leaves(branch)
+    return found
+
+
+def map_tensors(function: Callable[..., Tensor], tree: Tree, *others: Tree) -> Tree:
+    """Apply `function` to each tensor of `tree` (and its partners in `others`)."""
+    if tree is None:
+        return tree
+    if isinstance(tree, Tensor):
+        return function(tree, *others)  # type: ignore[return-value]
+    branches = [map_tensors(function, *parts) for parts in zip(tree, *others, strict=True)]  # type: ignore[call-overload]
+    return type(tree)(*branches)
+
+
+def _builder(template: Any, slots: Iterator[int]) -> Callable[[Sequence[Tensor]], Any]:
+    """A function that puts a flat list of tensors back into the template's form."""
+    if template is None:
+        return lambda parts: None
+    if isinstance(template, Tensor):
+        slot = next(slots)
+        return lambda parts: parts[slot]
+    branches = [_builder(branch, slots) for branch in template]
+    kind = type(template)
+    return lambda parts: kind(*[branch(parts) for branch in branches])
+
+
+class Packer(Generic[Tree]):
+    """Turns a tree of tensors (*batch, *event) into one (*batch, M) and back.
+
+    `template` fixes the event shapes; the batch shape may differ from call to call.
+    """
+
+    def __init__(self, template: Tree, batch_dims: int) -> None:
+        shapes = [tuple(leaf.shape[batch_dims:]) for leaf in leaves(template)]
+        self._build = _builder(template, iter(range(len(shapes))))
+        self._sizes = [math.prod(shape) for shape in shapes]
+        self._matrices = [(i, shape) for i, shape in enumerate(shapes) if len(shape) != 1]
+
+    def pack(self, tree: Tree) -> Tensor:
+        """(*batch, M), leaves one after the other."""
+        parts = leaves(tree)
+        for i, shape in self._matrices:
+            part = parts[i]
+            parts[i] = part.reshape(*part.shape[: part.dim() - len(shape)], self._sizes[i])
+        return torch.cat(parts, dim=-1)
+
+    def unpack(self, flat: Tensor) -> Tree:
+        """The tree again, as views of `flat` where possible."""
+        parts = list(flat.split(self._sizes, dim=-1))
+        for i, shape in self._matrices:
+            parts[i] = parts[i].unflatten(-1, shape)
+        tree: Tree = self._build(parts)
+        return tree

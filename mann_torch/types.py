@@ -1,0 +1,149 @@
+"""Typed values that travel between the layers.
+
+Shape letters, used in every docstring of the library:
+
+``...`` any leading batch dimensions, T samples in time, n joints, I network inputs (5n),
+N hidden neurons, S memory slots, D key width.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from torch import Tensor
+
+
+class Measurement(NamedTuple):
+    """What the controller sees of the plant (paper: x, dx/dt)."""
+
+    q: Tensor  # (..., n) joint position [rad]
+    qd: Tensor  # (..., n) joint velocity [rad/s]
+
+
+class ReferenceSample(NamedTuple):
+    """Desired trajectory at one time (paper: s, ds/dt, d2s/dt2)."""
+
+    q: Tensor  # (..., n) [rad]
+    qd: Tensor  # (..., n) [rad/s]
+    qdd: Tensor  # (..., n) [rad/s^2]
+
+
+class PlantState(NamedTuple):
+    """State of the arm."""
+
+    q: Tensor  # (..., n) [rad]
+    qd: Tensor  # (..., n) [rad/s]
+
+
+class NetworkState(NamedTuple):
+    """Adaptive weights. They are state, not parameters: the update law moves them."""
+
+    W: Tensor  # (..., N, n) outer weights
+    b_w: Tensor  # (..., n) outer bias
+    V: Tensor  # (..., I, N) inner weights
+    b_v: Tensor  # (..., N) inner bias
+
+
+class MemoryState(NamedTuple):
+    """Contents and keys of the working memory."""
+
+    mu: Tensor  # (..., S, N) slot contents (paper: mu_i, h_i)
+    keys: Tensor  # (..., S, D) keys with a motion of their own; D = 0 if there are none
+
+
+class MemoryMode(NamedTuple):
+    """The discrete part of the memory: frozen while the loop flows, changed by jumps."""
+
+    active: Tensor  # (..., S) bool, slots in use
+    attended: Tensor  # (...,) int64, slot with the largest weight; -1 before the first decision
+    switches: Tensor  # (...,) int64, changes of the attended slot so far
+    reallocations: Tensor  # (...,) int64, resets so far
+
+
+class Shift(NamedTuple):
+    """Decision to shift attention (paper: a_r, i_s)."""
+
+    fires: Tensor  # (...,) bool, a_r = 1
+    slot: Tensor  # (...,) int64, i_s
+
+
+class Comparison(NamedTuple):
+    """A query with the keys it is compared with; `keys / scale` has the query's units."""
+
+    query: Tensor  # (..., D)
+    keys: Tensor  # (..., S, D)
+    scale: Tensor  # (...,) or scalar: c_w for representation keys, 1 for state keys
+
+
+class MemoryOutput(NamedTuple):
+    """What one evaluation of the working memory gives."""
+
+    read: Tensor  # (..., N) h_o
+    weights: Tensor  # (..., S) w_r
+    d_memory: MemoryState  # time derivative
+
+
+class Features(NamedTuple):
+    """Hidden layer of the adaptive network at one input."""
+
+    pre: Tensor  # (..., N) V' x~ + b_v
+    hidden: Tensor  # (..., N) sigma
+    slope: Tensor  # (..., N) sigma (1 - sigma)
+
+
+class TrackingError(NamedTuple):
+    """Tracking errors (paper: e, de/dt, r = de/dt + Lambda e)."""
+
+    error: Tensor  # (..., n) [rad]
+    error_rate: Tensor  # (..., n) [rad/s]
+    filtered_error: Tensor  # (..., n) [rad/s]
+
+
+class ControllerState(NamedTuple):
+    """All adaptive state of the controller; `memory` is None for the plain network."""
+
+    network: NetworkState
+    memory: MemoryState | None
+
+
+class ControlSignals(NamedTuple):
+    """Quantities worth plotting, computed on the way to the torque."""
+
+    tracking: TrackingError
+    features: Features
+    read: Tensor | None  # (..., N) h_o
+    weights: Tensor | None  # (..., S) w_r
+    gain: Tensor  # (...,) K_v + k_v (|W| + |V| + |mu| + Z_m) [N m s/rad]
+
+
+class ControlOutput(NamedTuple):
+    """Result of one controller evaluation."""
+
+    torque: Tensor  # (..., n) [N m]
+    d_state: ControllerState
+    signals: ControlSignals
+
+
+class TorqueGains(NamedTuple):
+    """How stiffly the controller holds the arm: -d tau/d q and -d tau/d qd (..., n, n)."""
+
+    position: Tensor  # [N m/rad]
+    rate: Tensor  # [N m s/rad]
+
+
+class Linearization(NamedTuple):
+    """The stiff block of the loop: d(qdd) = -stiffness dq - damping d(qd), (..., n, n)."""
+
+    stiffness: Tensor  # [1/s^2]
+    damping: Tensor  # [1/s]
+
+
+class LoopState(NamedTuple):
+    """State of plant and controller together: what an ODE solver integrates."""
+
+    plant: PlantState
+    controller: ControllerState
+
+
+# A controller's discrete mode; the memory's for MannController, None for a controller without.
+Mode = Any
