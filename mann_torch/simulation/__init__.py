@@ -2,6 +2,7 @@
 
 from .closed_loop import ClosedLoop
 from .implicit import Implicit
+from .observation import attended_slot, observe
 from .odeint import METHODS, Odeint
 from .rollout import rollout
 from .scenario import Scenario
@@ -22,5 +23,7 @@ __all__ = [
     "Solver",
     "Status",
     "Trajectory",
+    "attended_slot",
+    "observe",
     "rollout",
 ]

@@ -1,0 +1,1 @@
+"""Hydra entry points and reports. Only this package imports hydra and tensorboard."""

@@ -1,0 +1,158 @@
+"""Command lines: everything is checked before Hydra makes a folder; errors are one line."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import re
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import hydra
+from hydra import compose, initialize_config_dir
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import HydraException
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from mann_torch.errors import ConfigError, MannError
+
+from .config import CONF
+
+#: Exit code of a setting that cannot be used, and of a run that failed.
+BAD_INPUT, FAILED = 2, 1
+
+_PASS_THROUGH = ("--help", "-h", "--hydra-help", "--version", "--info", "-i", "--shell-completion")
+_TAKES_VALUE = ("--config-name", "-cn", "--config-path", "-cp", "--config-dir", "-cd", "--package")
+
+
+def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[Any], None]) -> None:
+    """Check every job of the command line, then let Hydra run `task` on each."""
+    arguments = _quote_numeric_names(sys.argv[1:])
+    sys.argv[1:] = arguments
+    entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name=config_name)
+    if not any(a.split("=")[0] in _PASS_THROUGH for a in arguments):
+        try:
+            for overrides in _jobs(arguments):
+                cfg = _compose(config_name, overrides)
+                check(cfg)
+                _check_run_dir(cfg)
+        except ConfigError as error:
+            fail(error, BAD_INPUT)
+    entry(_guarded(task))()
+
+
+def fail(error: Exception, code: int) -> None:
+    """One line on stderr, then exit."""
+    print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+    sys.exit(code)
+
+
+def compose_job(config_name: str, overrides: list[str]) -> Any:
+    """One composed configuration. Raises `ConfigError` in one line where it does not compose."""
+    try:
+        with initialize_config_dir(version_base="1.3", config_dir=str(CONF)):
+            return compose(config_name, overrides=overrides)
+    except (HydraException, OmegaConfBaseException) as error:
+        raise ConfigError(_one_line(error)) from None
+
+
+_compose = compose_job
+
+
+def _guarded(task: Callable[[Any], None]) -> Callable[[Any], None]:
+    def guarded(cfg: Any) -> None:
+        try:
+            task(cfg)
+        except ConfigError as error:
+            fail(error, BAD_INPUT)
+        except MannError as error:
+            fail(error, FAILED)
+
+    return guarded
+
+
+def _jobs(arguments: list[str]) -> Iterator[list[str]]:
+    """The override lists of all jobs: one, or the product of a multirun's choices."""
+    multirun = any(a in ("-m", "--multirun") for a in arguments)
+    texts, skip = [], False
+    for argument in arguments:
+        if skip or argument.startswith("-"):
+            skip = (not skip and argument in _TAKES_VALUE) or argument in ("-c", "--cfg", "-p")
+            continue
+        texts.append(argument)
+    try:
+        parsed = OverridesParser.create().parse_overrides(texts)
+    except HydraException as error:
+        raise ConfigError(_one_line(error)) from None
+    choices: list[list[str]] = []
+    for override, text in zip(parsed, texts, strict=True):
+        if str(override.key_or_group).startswith("hydra"):
+            continue
+        if multirun and override.is_sweep_override():
+            key = override.get_key_element()
+            choices.append([f"{key}={value}" for value in override.sweep_string_iterator()])
+        else:
+            choices.append([text])
+    for job in itertools.product(*choices):
+        yield list(job)
+
+
+def _quote_numeric_names(arguments: list[str]) -> list[str]:
+    """`scenario=1` as `scenario='1'`: Hydra takes a bare number for an int, not for a name."""
+    quoted = []
+    for argument in arguments:
+        group, equals, _ = argument.partition("=")
+        if equals and (CONF / group).is_dir() and re.fullmatch(r"\w+", group):
+            try:
+                (override,) = OverridesParser.create().parse_overrides([argument])
+                values = list(override.sweep_iterator()) if override.is_sweep_override() else None
+                if values is not None:
+                    argument = f"{group}=" + ",".join(f"'{value}'" for value in values)
+                elif isinstance(override.value(), int | float):
+                    argument = f"{group}='{override.value()}'"
+            except HydraException:
+                pass  # reported with all other bad overrides
+        quoted.append(argument)
+    return quoted
+
+
+def reject_unknown(cfg: Any, schema: type, where: str = "") -> None:
+    """Raise `ConfigError` for a key the schema does not have (`+key=` gets past Hydra)."""
+    known = {field.name for field in dataclasses.fields(schema)}
+    for key in cfg:
+        if str(key) not in known:
+            raise ConfigError(f"unknown setting '{where}{key}'; choose from {', '.join(known)}")
+        kind = OmegaConf.get_type(cfg, str(key))
+        if kind is not None and dataclasses.is_dataclass(kind):
+            reject_unknown(cfg[key], kind, f"{where}{key}.")
+
+
+def _check_run_dir(cfg: Any) -> None:
+    if cfg.run_dir is None:
+        return
+    folder = Path(cfg.run_dir)
+    if folder.exists() and not folder.is_dir():
+        raise ConfigError(f"run_dir = {folder}: is a file")
+    if (folder / "metrics.json").exists():
+        raise ConfigError(f"run_dir = {folder}: already holds a run; name another folder")
+
+
+def _one_line(error: Exception) -> str:
+    text = str(error).strip()
+    missing = re.search(r"Could not find '([^']+)/([^'/]+)'", text)
+    if missing:
+        options = re.search(
+            r"Available options in '[^']+':\s*((?:\S+\s*)+?)(?:Config search|$)", text
+        )
+        group, name = missing.groups()
+        names = ", ".join(options.group(1).split()) if options else "see --help"
+        return f"unknown {group} '{name}'; choose from {names}"
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    cause = error.__cause__
+    first = lines[0] if lines else type(error).__name__
+    if cause is not None and str(cause).strip():
+        first = f"{first} ({str(cause).strip().splitlines()[0]})"
+    return first

@@ -1,0 +1,247 @@
+"""Schemas of the configuration files, and Hydra's name resolvers."""
+
+from __future__ import annotations
+
+import datetime
+import os
+import secrets
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import MISSING, OmegaConf
+
+# conf/ in a checkout, mann_torch/conf in an installed wheel: beside this package in both.
+CONF = Path(__file__).resolve().parent.parent / "conf"
+
+
+@dataclass
+class PlantConfig:
+    name: str = MISSING
+    masses: list[float] = MISSING
+    lengths: list[float] = MISSING
+    viscous: list[float] = MISSING
+    coulomb: list[float] = MISSING
+    gravity: float = MISSING
+
+
+@dataclass
+class KeysConfig:
+    name: str = MISSING
+
+
+@dataclass
+class ControllerConfig:
+    name: str = MISSING
+    attention: str | None = None
+    phase: str = "initial"
+    n_hidden: int | None = 10
+    matched_hidden: int = 10
+
+
+@dataclass
+class MemoryConfig:
+    n_slots: int = 5
+    reset: str = "scaled"
+
+
+@dataclass
+class ConstantsConfig:
+    """Design constants by name; the paper's symbols are in the README's table."""
+
+    write_gain: float = 0.75  # c_w
+    shift_threshold: float = 0.2  # theta
+    key_rate: float = 1.0  # c_k [1/s]
+    error_gain: Any = 5.0  # Lambda [1/s]: number, n diagonal entries or n x n rows
+    base_gain: float = 20.0  # K_v [N m s/rad]
+    robust_gain: float = 10.0  # k_v
+    weight_bound: float = 0.0  # Z_m
+    rate_W: float = 10.0  # noqa: N815 - C_w
+    rate_V: float = 10.0  # noqa: N815 - C_v
+    e_modification: float = 0.0  # kappa
+
+
+@dataclass
+class MassGrowthConfig:
+    increment: float = MISSING
+    period: float = MISSING
+
+
+@dataclass
+class ScenarioConfig:
+    name: str = MISSING
+    amplitude: list[float] = MISSING
+    frequency: list[float] = MISSING
+    offset: list[float] = MISSING
+    horizon: float = MISSING
+    mass_jumps: list[Any] = field(default_factory=list)
+    mass_growth: MassGrowthConfig | None = None
+    q: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    qd: list[float] = field(default_factory=lambda: [0.0, 0.0])
+
+
+@dataclass
+class SolverConfig:
+    name: str = MISSING
+    dt: float = 5e-3
+    rtol: float = 1e-5
+    atol: float = 1e-8
+    max_step: float | None = None
+    compile: bool = False
+
+
+@dataclass
+class InitialConfig:
+    """Initial inner weights: a file's draws, or normal ones of standard deviation `std`."""
+
+    weights_file: str | None = None
+    draw: int = 0
+    std: float = 0.1
+
+
+@dataclass
+class OutputConfig:
+    sample_dt: float = 0.05
+    figures: bool = True
+    tensorboard: bool = True
+
+
+@dataclass
+class SimulateConfig:
+    plant: PlantConfig = field(default_factory=PlantConfig)
+    keys: KeysConfig = field(default_factory=KeysConfig)
+    controller: ControllerConfig = field(default_factory=ControllerConfig)
+    memory: MemoryConfig = field(default_factory=MemoryConfig)
+    constants: ConstantsConfig = field(default_factory=ConstantsConfig)
+    scenario: ScenarioConfig = field(default_factory=ScenarioConfig)
+    solver: SolverConfig = field(default_factory=SolverConfig)
+    initial: InitialConfig = field(default_factory=InitialConfig)
+    output: OutputConfig = field(default_factory=OutputConfig)
+    horizon: float | None = None  # [s], the scenario's own if null
+    draws: int = 1
+    seed: int = 0
+    run_dir: str | None = None
+
+
+@dataclass
+class GoldenConfig:
+    """Numbers of an independent simulator to check against (`srmse.json` beside the weights)."""
+
+    srmse_file: str | None = None
+
+
+@dataclass
+class RowConfig:
+    """One line of a table: a controller variant, in the table's scenario unless it names one."""
+
+    variant: str = MISSING
+    label: str = MISSING
+    scenario: str | None = None
+    paper: list[float] | None = None  # SRMSE x 10^3 of joints 1 and 2, as published
+
+
+@dataclass
+class TableConfig:
+    title: str = MISSING
+    scenario: str = "1"
+    metric: str = "srmse"  # or srmse_after_10s
+    rows: list[RowConfig] = field(default_factory=list)
+    # Labels of two rows, from I to II, and the reduction the paper prints [%].
+    reduction: list[str] | None = None
+    paper_reduction: list[float] | None = None
+
+
+@dataclass
+class FigureConfig:
+    title: str = MISSING
+    scenario: str = "illustration"
+    variants: list[str] = field(default_factory=list)
+    panels: list[str] = field(default_factory=list)
+
+
+@dataclass
+class ReproduceConfig:
+    solver: SolverConfig = field(default_factory=SolverConfig)
+    initial: InitialConfig = field(default_factory=InitialConfig)
+    golden: GoldenConfig = field(default_factory=GoldenConfig)
+    variants: dict[str, list[str]] = field(default_factory=dict)
+    tables: dict[str, TableConfig] = field(default_factory=dict)
+    figures: dict[str, FigureConfig] = field(default_factory=dict)
+    claims: bool = True
+    horizon: float | None = None  # [s], cuts every scenario short; for trials
+    draws: int = 3
+    seed: int = 0
+    workers: int = 2
+    run_dir: str | None = None
+
+
+def _stamp() -> str:
+    now = datetime.datetime.now().strftime("%Y%m%d-%H%M%S-%f")
+    return f"{now}-{os.getpid()}{secrets.token_hex(2)}"
+
+
+def _run_folder(run_dir: str | None, task: str) -> str:
+    return run_dir or f"logs/{task}/{_stamp()}"
+
+
+def _sweep_folder(run_dir: str | None, task: str) -> str:
+    return run_dir or f"logs/{task}/multirun-{_stamp()}"
+
+
+def group_names(group: str) -> list[str]:
+    """The names a configuration group offers."""
+    return sorted(path.stem for path in (CONF / group).glob("*.yaml"))
+
+
+def _group_lines(groups: tuple[str, ...]) -> list[str]:
+    return [f"  {group:<11}{', '.join(group_names(group))}" for group in groups]
+
+
+def _simulate_help() -> str:
+    return "\n".join(
+        [
+            "Simulate one scenario under one controller: SRMSE, figures, TensorBoard, arrays.",
+            "",
+            *_group_lines(("scenario", "controller", "keys", "solver", "plant")),
+            "",
+            "  example    python -m experiments.simulate scenario=5 controller=soft draws=3",
+            "  sweep      python -m experiments.simulate -m scenario=1,4 controller=nn,soft",
+            "",
+            "Settings, each as NAME=VALUE:",
+            "",
+            "$CONFIG",
+        ]
+    )
+
+
+def _reproduce_help() -> str:
+    return "\n".join(
+        [
+            "Reproduce the paper's tables, figures and claims.",
+            "",
+            *_group_lines(("experiment", "solver")),
+            "",
+            "  one table  python -m experiments.reproduce experiment=[table_1]",
+            "  golden     python -m experiments.reproduce"
+            " initial.weights_file=tests/golden/initial_weights.npz",
+            "",
+            "Settings, each as NAME=VALUE:",
+            "",
+            "$CONFIG",
+        ]
+    )
+
+
+def register() -> None:
+    """Put schemas and resolvers in Hydra's stores; safe to call again."""
+    OmegaConf.register_new_resolver("run_folder", _run_folder, replace=True, use_cache=True)
+    OmegaConf.register_new_resolver("sweep_folder", _sweep_folder, replace=True, use_cache=True)
+    OmegaConf.register_new_resolver("simulate_help", _simulate_help, replace=True)
+    OmegaConf.register_new_resolver("reproduce_help", _reproduce_help, replace=True)
+    store = ConfigStore.instance()
+    store.store(name="base_simulate", node=SimulateConfig)
+    store.store(name="base_reproduce", node=ReproduceConfig)
+
+
+register()

@@ -1,0 +1,188 @@
+"""Run jobs, two at a time: each is one batched rollout of one controller variant."""
+
+from __future__ import annotations
+
+import dataclasses
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from queue import Empty
+from typing import Any, cast
+
+import numpy as np
+import torch
+from omegaconf import OmegaConf
+
+from mann_torch import Scenario, rollout
+from mann_torch.simulation.step_grid import StepGrid
+from mann_torch.types import NetworkState
+
+from .build import Experiment, build
+from .cli import compose_job
+from .config import ReproduceConfig, SimulateConfig
+from .plan import Job
+from .recording import metrics_of, signal_arrays
+from .simulate import progress_bar
+
+SAMPLE_DT = 0.05
+
+
+@dataclass(frozen=True)
+class JobResult:
+    """Numbers of one variant: arrays (scenarios, draws, .), signals of recorded scenarios."""
+
+    job: Job
+    srmse: np.ndarray  # (scenarios, draws, 2) [rad]
+    srmse_after_10s: np.ndarray
+    reallocations: np.ndarray  # (scenarios, draws)
+    switches: np.ndarray
+    status: list[list[str]]
+    signals: dict[str, dict[str, np.ndarray]]  # scenario -> arrays of recording.signal_arrays
+    engine: str
+    n_hidden: int
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """What an .npz file of this result holds."""
+        flat = {
+            "scenarios": np.array(self.job.scenarios),
+            "srmse": self.srmse,
+            "srmse_after_10s": self.srmse_after_10s,
+            "reallocations": self.reallocations,
+            "switches": self.switches,
+        }
+        for scenario, arrays in self.signals.items():
+            flat |= {f"{scenario}/{name}": array for name, array in arrays.items()}
+        return flat
+
+
+def job_config(cfg: ReproduceConfig, job: Job, scenario: str) -> SimulateConfig:
+    """The `simulate` configuration of one scenario of a job. Raises `ConfigError`."""
+    composed = compose_job("simulate", [f"scenario='{scenario}'", *job.overrides])
+    plain = cast(SimulateConfig, OmegaConf.to_object(composed))
+    horizon = plain.scenario.horizon
+    if cfg.horizon is not None:
+        horizon = min(horizon, cfg.horizon)
+    return dataclasses.replace(
+        plain,
+        solver=cfg.solver,
+        initial=cfg.initial,
+        draws=cfg.draws,
+        seed=cfg.seed,
+        horizon=horizon,
+    )
+
+
+def batched(cfg: ReproduceConfig, job: Job) -> Experiment:
+    """All scenarios and draws of a job as one experiment of batch (scenarios * draws,)."""
+    parts = [build(job_config(cfg, job, scenario)) for scenario in job.scenarios]
+    first = parts[0]
+    constants = [part.loop.controller.constants() for part in parts]
+    values = {}
+    for name in constants[0]:
+        column = [constant[name].detach() for constant in constants]
+        if any(not torch.equal(value, column[0]) for value in column):
+            values[name] = torch.stack(column).repeat_interleave(cfg.draws, dim=0)
+    first.loop.controller.initialize(**values)
+    scenarios = [part.scenario for part in parts for _ in range(cfg.draws)]
+    network = NetworkState(
+        *(torch.cat(leaf) for leaf in zip(*(part.network for part in parts), strict=True))
+    )
+    return Experiment(first.loop, Scenario.stack(scenarios), first.solver, network)
+
+
+def n_steps(cfg: ReproduceConfig, job: Job) -> int:
+    """Steps of the job's rollout, for the progress bar."""
+    experiment = batched(cfg, job)
+    scenario = experiment.scenario
+    return StepGrid(scenario.end, scenario.knots(), experiment.solver.dt).n_steps
+
+
+def run_job(cfg: ReproduceConfig, job: Job, progress: Callable[[int], object]) -> JobResult:
+    """Simulate one job."""
+    torch.set_num_threads(1)
+    experiment = batched(cfg, job)
+    shape = (len(job.scenarios), cfg.draws)
+    recorded = [
+        experiment.scenario.horizon.reshape(shape)[job.scenarios.index(s), 0] for s in job.recorded
+    ]
+    until = float(max(recorded)) if recorded else 0.0
+    with torch.inference_mode():
+        trajectory = rollout(
+            experiment.loop,
+            experiment.scenario,
+            experiment.solver,
+            network=experiment.network,
+            sample_dt=SAMPLE_DT,
+            sample_until=until,
+            progress=progress,
+        )
+        metrics = metrics_of(trajectory)
+        arrays = signal_arrays(experiment.loop, experiment.scenario, trajectory)
+    signals = {}
+    for scenario in job.recorded:
+        row = job.scenarios.index(scenario)
+        chosen = slice(row * cfg.draws, (row + 1) * cfg.draws)
+        kept = {name: a if name == "t" else a[:, chosen] for name, a in arrays.items()}
+        kept["masses"] = kept["masses"][:, 0]
+        signals[scenario] = kept
+    status = metrics["status"]
+    return JobResult(
+        job=job,
+        srmse=np.array(metrics["srmse"]).reshape(*shape, 2),
+        srmse_after_10s=np.array(metrics["srmse_after_10s"]).reshape(*shape, 2),
+        reallocations=np.array(metrics["reallocations"]).reshape(shape),
+        switches=np.array(metrics["switches"]).reshape(shape),
+        status=[status[i : i + cfg.draws] for i in range(0, len(status), cfg.draws)],
+        signals=signals,
+        engine=trajectory.engine,
+        n_hidden=int(trajectory.states.controller.network.b_v.shape[-1]),
+    )
+
+
+def run_jobs(cfg: ReproduceConfig, jobs: list[Job]) -> Iterator[JobResult]:
+    """Results in the order in which they become ready, with one progress bar over all steps."""
+    total = sum(n_steps(cfg, job) for job in jobs)
+    with progress_bar(total, "step") as bar:
+        if cfg.workers == 1 or len(jobs) == 1:
+            for job in jobs:
+                yield run_job(cfg, job, bar.update)
+            return
+        context = multiprocessing.get_context("spawn")
+        with context.Manager() as manager:
+            steps = manager.Queue()
+            with ProcessPoolExecutor(cfg.workers, mp_context=context) as pool:
+                waiting = {pool.submit(_worker, cfg, job, steps) for job in jobs}
+                while waiting:
+                    _drain(steps, bar.update)
+                    done = {future for future in waiting if future.done()}
+                    waiting -= done
+                    for future in as_completed(done):
+                        yield future.result()
+
+
+def _worker(cfg: ReproduceConfig, job: Job, steps: Any) -> JobResult:
+    # Compile in this process: the other core is busy with the other worker.
+    os.environ["TORCHINDUCTOR_COMPILE_THREADS"] = "1"
+    pending = 0
+
+    def progress(count: int) -> None:
+        nonlocal pending
+        pending += count
+        if pending >= 1000:
+            steps.put(pending)
+            pending = 0
+
+    result = run_job(cfg, job, progress)
+    steps.put(pending)
+    return result
+
+
+def _drain(steps: Any, update: Callable[[int], object]) -> None:
+    try:
+        update(steps.get(timeout=0.5))
+        while True:
+            update(steps.get_nowait())
+    except Empty:
+        pass

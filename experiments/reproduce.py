@@ -1,0 +1,179 @@
+"""Reproduce the paper: every table beside ours, every figure, every claim."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import OmegaConf
+from torch.utils.tensorboard import SummaryWriter
+
+from mann_torch.errors import ConfigError
+
+from . import figures as pictures
+from . import golden as gold
+from . import tables
+from .claims import Finding, findings
+from .cli import FAILED, reject_unknown, run_cli
+from .config import ReproduceConfig
+from .jobs import batched, run_jobs
+from .plan import Job, judges_claims, plan
+from .results import Results
+from .tables import Cell, aligned
+from .writing import write_arrays, write_json, write_text
+
+
+def main() -> None:
+    """Command line of `python -m experiments.reproduce`."""
+    run_cli("reproduce", checked, _task)
+
+
+def checked(cfg: Any) -> tuple[ReproduceConfig, list[Job], gold.GoldenFile | None]:
+    """The configuration as plain dataclasses, and its jobs; everything is built once to check."""
+    reject_unknown(cfg, ReproduceConfig)
+    plain = cast(ReproduceConfig, OmegaConf.to_object(cfg))
+    if plain.workers < 1:
+        raise ConfigError(f"workers = {plain.workers}: at least 1")
+    golden = gold.golden_file(plain)
+    jobs = plan(plain, list(golden.runs) if golden is not None else [])
+    if not jobs:
+        raise ConfigError("nothing to do: no tables, figures or claims are chosen")
+    for job in jobs:
+        batched(plain, job)
+    return plain, jobs, golden
+
+
+def _task(cfg: Any) -> None:
+    plain, jobs, golden = checked(cfg)
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    overrides = list(HydraConfig.get().overrides.task)
+    command = shlex.join(["python", "-m", "experiments.reproduce", *overrides])
+    write_text(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
+    start = time.perf_counter()
+    done = []
+    for result in run_jobs(plain, jobs):
+        write_arrays(folder / "runs" / f"{result.job.variant}.npz", result.arrays())
+        done.append(result)
+    results = Results(done)
+    wall_s = time.perf_counter() - start
+
+    all_cells = [c for table in plain.tables.values() for c in tables.cells(table, results)]
+    found = findings(results) if judges_claims(plain) else []
+    checks = gold.checks(golden, results, plain) if golden is not None else []
+    diverged = [
+        f"{result.job.variant}, scenario {scenario}, draw {draw}: {status}"
+        for result in done
+        for scenario, statuses in zip(result.job.scenarios, result.status, strict=True)
+        for draw, status in enumerate(statuses)
+        if status != "ok"
+    ]
+    drawn = _draw(plain, results, all_cells, folder)
+    engines = ", ".join(sorted({result.engine for result in done}))
+    sections = [
+        f"# The paper, reproduced\n\n{plain.draws} draws, {plain.solver.name} at "
+        f"{1e3 * plain.solver.dt:g} ms ({engines}), {wall_s:.0f} s. Made by `{command}`.",
+        *[tables.markdown(table, results) for table in plain.tables.values()],
+    ]
+    if all_cells:
+        sections.append(_summary(all_cells))
+    if found:
+        sections.append(_claims(found))
+    if golden is not None:
+        sections.append(gold.markdown(checks, golden.path))
+    if diverged:
+        sections.append("### Diverged\n\n" + "\n".join(f"- {line}" for line in diverged))
+    report = "\n\n".join(sections) + "\n"
+    linked = "".join(f"\n![{name}](figures/{name}.png)\n" for name in drawn)
+    write_text(folder / "report.md", report + linked)
+    write_text(folder / "tables.csv", tables.csv_rows(all_cells))
+    write_json(
+        folder / "metrics.json",
+        {
+            "command": command,
+            "wall_s": wall_s,
+            "engines": engines,
+            "score": tables.score(all_cells),
+            "cells": [{**asdict(c), "verdict": c.verdict} for c in all_cells],
+            "claims": [asdict(finding) for finding in found],
+            "golden": [{**asdict(check), "passed": check.passed} for check in checks],
+            "diverged": diverged,
+        },
+    )
+    _log(folder, all_cells)
+    print(report)
+    print(f"written to {folder}: report.md, tables.csv, metrics.json, figures/, runs/", flush=True)
+    if any(not check.passed for check in checks):
+        print("error: golden numbers are off, see the report", file=sys.stderr)
+        sys.exit(FAILED)
+
+
+def _summary(all_cells: list[Cell]) -> str:
+    lines = ["### Summary", "", tables.score(all_cells) + "."]
+    ratios = tables.slots_table(all_cells)
+    if len(ratios):
+        change = 100 * (ratios - 1)
+        lines += [
+            "",
+            "A memory of one slot against the paper's controller with five: SRMSE "
+            f"{change.mean():+.1f} % on average over tables and joints "
+            f"({change.min():+.1f} to {change.max():+.1f} %).",
+        ]
+    return "\n".join(lines)
+
+
+def _claims(found: list[Finding]) -> str:
+    body = [["claim", "here", "measure"]]
+    for finding in found:
+        verdict = "reproduced" if finding.reproduced else "not reproduced"
+        body.append([finding.claim, verdict, finding.measure])
+    held = sum(finding.reproduced for finding in found)
+    head = f"### Claims: {held} of {len(found)} reproduced\n\nChanges: mean over draws ± half of "
+    return head + "the paired 95 % interval, in %, joint 1 / joint 2.\n\n" + aligned(body)
+
+
+def _draw(cfg: ReproduceConfig, results: Results, all_cells: list[Cell], folder: Path) -> list[str]:
+    panels = {
+        "joint_angles": pictures.joint_angles,
+        "features_and_read": pictures.features_and_read,
+        "attention_timeline": pictures.attention_timeline,
+    }
+    drawn = []
+    for name, figure in cfg.figures.items():
+        runs = {
+            variant: pictures.one_draw(results.signals(figure.scenario, variant), 0)
+            for variant in figure.variants
+        }
+        for panel in figure.panels:
+            drawn.append(f"{name}_{panel}")
+            path = folder / "figures" / f"{drawn[-1]}.png"
+            pictures.save(panels[panel](runs, figure.title), path)
+    rows = [
+        (f"{c.table.split(':')[0]}, {c.label}, joint {c.joint}", c.paper, c.mean, c.sd)
+        for c in tables.published(all_cells)
+        if c.paper is not None
+    ]
+    if rows:
+        drawn.append("against_paper")
+        picture = pictures.against_paper(
+            [(label, paper, mean, 0.0 if np.isnan(sd) else sd) for label, paper, mean, sd in rows],
+            "SRMSE against the published figures",
+        )
+        pictures.save(picture, folder / "figures" / "against_paper.png")
+    return drawn
+
+
+def _log(folder: Path, all_cells: list[Cell]) -> None:
+    with SummaryWriter(str(folder)) as writer:
+        for cell in all_cells:
+            tag = f"{cell.metric}/scenario_{cell.scenario}/{cell.variant}/joint_{cell.joint}"
+            writer.add_scalar(tag, cell.mean)
+
+
+if __name__ == "__main__":
+    main()

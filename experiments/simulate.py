@@ -1,0 +1,126 @@
+"""Simulate one or many draws of one scenario under one controller."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, cast
+
+import torch
+from hydra.core.hydra_config import HydraConfig
+from matplotlib.figure import Figure
+from omegaconf import OmegaConf
+from tqdm import tqdm
+
+from mann_torch import Trajectory, rollout
+from mann_torch.simulation.step_grid import StepGrid
+
+from .build import Experiment, build
+from .cli import reject_unknown, run_cli
+from .config import SimulateConfig
+from .figures import Arrays, attention_timeline, features_and_read, joint_angles, one_draw, save
+from .recording import log_run, metrics_of, signal_arrays
+from .writing import write_arrays, write_json, write_text
+
+
+def main() -> None:
+    """Command line of `python -m experiments.simulate`."""
+    run_cli("simulate", checked, _task)
+
+
+def checked(cfg: Any) -> SimulateConfig:
+    """A composed configuration as plain dataclasses, its names, types and ranges verified."""
+    reject_unknown(cfg, SimulateConfig)
+    plain = cast(SimulateConfig, OmegaConf.to_object(cfg))
+    build(plain)
+    return plain
+
+
+def simulate(cfg: SimulateConfig) -> tuple[Experiment, Trajectory, float]:
+    """Run the configured rollout; returns experiment, trajectory and wall time [s]."""
+    torch.set_num_threads(1)  # one thread beats two at these sizes
+    experiment = build(cfg)
+    scenario, solver = experiment.scenario, experiment.solver
+    steps = StepGrid(scenario.end, scenario.knots(), solver.dt).n_steps
+    start = time.perf_counter()
+    with torch.inference_mode(), progress_bar(steps, "step") as bar:
+        trajectory = rollout(
+            experiment.loop,
+            scenario,
+            solver,
+            network=experiment.network,
+            sample_dt=cfg.output.sample_dt,
+            progress=bar.update,
+        )
+    return experiment, trajectory, time.perf_counter() - start
+
+
+def progress_bar(total: int, unit: str) -> tqdm:
+    """A bar on stderr for what takes over 2 s; a line now and then where that is no terminal."""
+    often = 0.2 if sys.stderr.isatty() else 10.0
+    return tqdm(total=total, unit=unit, delay=2.0, mininterval=often, leave=False)
+
+
+def run_figures(title: str, name: str, arrays: Arrays) -> dict[str, Figure]:
+    """The standard pictures of one run's first draw."""
+    runs = {name: one_draw(arrays, 0)}
+    figures = {"joint_angles": joint_angles(runs, title)}
+    figures["features_and_read"] = features_and_read(runs, title)
+    if "attended" in arrays:
+        figures["attention"] = attention_timeline(runs, title)
+    return figures
+
+
+def summary(metrics: Mapping[str, Any]) -> str:
+    """The run's table, a line a draw."""
+    lines = ["draw  SRMSE x 10^3 [rad]    after 10 s        reallocations  switches  status"]
+    for draw, status in enumerate(metrics["status"]):
+        a, b = (1e3 * value for value in metrics["srmse"][draw])
+        c, d = (1e3 * value for value in metrics["srmse_after_10s"][draw])
+        lines.append(
+            f"{draw:>4}  {a:9.3f} {b:9.3f}  {c:9.3f} {d:9.3f}"
+            f"  {metrics['reallocations'][draw]:>12}  {metrics['switches'][draw]:>8}  {status}"
+        )
+    return "\n".join(lines)
+
+
+def _task(cfg: Any) -> None:
+    plain = checked(cfg)
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    experiment, trajectory, wall_s = simulate(plain)
+    with torch.inference_mode():
+        metrics = metrics_of(trajectory)
+        arrays = signal_arrays(experiment.loop, experiment.scenario, trajectory)
+    title = f"scenario {plain.scenario.name}, {plain.controller.name}, {plain.keys.name} keys"
+    overrides = list(HydraConfig.get().overrides.task)
+    record = {
+        **metrics,
+        "wall_s": wall_s,
+        "scenario": plain.scenario.name,
+        "controller": plain.controller.name,
+        "keys": plain.keys.name,
+        "solver": trajectory.solver,
+        "engine": trajectory.engine,
+        "units": {"srmse": "rad", "srmse_after_10s": "rad", "wall_s": "s"},
+        "command": shlex.join(["python", "-m", "experiments.simulate", *overrides]),
+    }
+    write_text(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
+    write_json(folder / "metrics.json", record)
+    write_arrays(folder / "trajectory.npz", arrays)
+    figures = run_figures(title, plain.controller.name, arrays) if plain.output.figures else {}
+    for name, figure in figures.items():
+        save(figure, folder / f"{name}.png")
+    if plain.output.tensorboard:
+        log_run(folder, plain, arrays, metrics, figures)
+    print(f"{title}, {trajectory.solver} ({trajectory.engine}), {wall_s:.1f} s")
+    print(summary(metrics))
+    print(f"written to {folder}", flush=True)
+    if any(status != "ok" for status in metrics["status"]):
+        print("warning: a draw diverged; its SRMSE is null in metrics.json", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
