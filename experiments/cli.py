@@ -12,6 +12,7 @@ from typing import Any
 
 import hydra
 from hydra import compose, initialize_config_dir
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 from omegaconf import OmegaConf
@@ -36,7 +37,7 @@ def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[An
     if not any(a.split("=")[0] in _PASS_THROUGH for a in arguments):
         try:
             for overrides in _jobs(arguments):
-                cfg = _compose(config_name, overrides)
+                cfg = compose_job(config_name, overrides)
                 check(cfg)
                 _check_run_dir(cfg)
         except ConfigError as error:
@@ -52,14 +53,16 @@ def fail(error: Exception, code: int) -> None:
 
 def compose_job(config_name: str, overrides: list[str]) -> Any:
     """One composed configuration. Raises `ConfigError` in one line where it does not compose."""
+    state = GlobalHydra.instance()
+    outer = state.hydra  # set inside a task that Hydra runs: compose needs it out of the way
+    state.hydra = None
     try:
         with initialize_config_dir(version_base="1.3", config_dir=str(CONF)):
             return compose(config_name, overrides=overrides)
     except (HydraException, OmegaConfBaseException) as error:
         raise ConfigError(_one_line(error)) from None
-
-
-_compose = compose_job
+    finally:
+        GlobalHydra.instance().hydra = outer
 
 
 def _guarded(task: Callable[[Any], None]) -> Callable[[Any], None]:

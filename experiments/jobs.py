@@ -16,6 +16,7 @@ import torch
 from omegaconf import OmegaConf
 
 from mann_torch import Scenario, rollout
+from mann_torch.functional import as_float64
 from mann_torch.simulation.step_grid import StepGrid
 from mann_torch.types import NetworkState
 
@@ -104,9 +105,10 @@ def run_job(cfg: ReproduceConfig, job: Job, progress: Callable[[int], object]) -
     torch.set_num_threads(1)
     experiment = batched(cfg, job)
     shape = (len(job.scenarios), cfg.draws)
-    recorded = [
-        experiment.scenario.horizon.reshape(shape)[job.scenarios.index(s), 0] for s in job.recorded
-    ]
+    horizons = dict(
+        zip(job.scenarios, as_float64(experiment.scenario.horizon)[:: cfg.draws], strict=True)
+    )
+    recorded = [horizons[scenario] for scenario in job.recorded]
     until = float(max(recorded)) if recorded else 0.0
     with torch.inference_mode():
         trajectory = rollout(
