@@ -48,7 +48,10 @@ def joint_angles(runs: Mapping[str, Arrays], title: str) -> Figure:
         bottom.set_xlabel("t [s]")
         for ax in (top, bottom):
             _mark_jumps(ax, first)
-    axes[0][0].legend(loc="upper right", fontsize="small")
+        _fit_after_start(
+            bottom, [(run["t"], 1e3 * run["error"][:, joint]) for run in runs.values()]
+        )
+    figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
     figure.suptitle(title)
     return figure
 
@@ -109,10 +112,19 @@ def against_paper(rows: Sequence[tuple[str, float, float, float]], title: str) -
     ax.axvspan(-5, 5, color="0.86")
     ax.errorbar(100 * (ours / paper - 1), y, xerr=100 * spread / paper, fmt="o", ms=4)
     ax.axvline(0, color="k", lw=0.8)
+    ax.set_ylim(-1, len(rows))
     ax.set_yticks(y, [row[0] for row in rows], fontsize="x-small")
     ax.set_xlabel("ours / paper - 1 [%], bars: standard deviation over draws")
     ax.set_title(title)
     return figure
+
+
+def _fit_after_start(ax: Axes, curves: Sequence[tuple[np.ndarray, np.ndarray]]) -> None:
+    """Scale the axis by what comes after the first peak, which is far larger and says little."""
+    late = [np.abs(y[t > 5.0]).max() for t, y in curves if t[-1] > 5.0]
+    if late:
+        ax.set_ylim(-1.2 * max(late), 1.2 * max(late))
+        ax.set_title("scaled to t > 5 s", fontsize="small", loc="right")
 
 
 def _mark_jumps(ax: Axes, run: Arrays) -> None:

@@ -73,7 +73,10 @@ def cells(table: TableConfig, results: Results) -> list[Cell]:
 
 def published(all_cells: Iterable[Cell]) -> list[Cell]:
     """The distinct figures that the paper prints."""
-    distinct = {cell.identity: cell for cell in all_cells if cell.paper is not None}
+    distinct: dict[tuple[str, str, str, int], Cell] = {}
+    for cell in all_cells:
+        if cell.paper is not None:
+            distinct.setdefault(cell.identity, cell)
     return list(distinct.values())
 
 

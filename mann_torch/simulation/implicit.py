@@ -20,7 +20,8 @@ class Implicit(Solver):
     k1 = (I - g h A)^-1 F(y), k2 = (I - g h A)^-1 (F(y + h k1) - 2 k1),
     y+ = y + 3/2 h k1 + 1/2 h k2, with g = 1 - 1/sqrt 2 and A the plant's stiff block
     [[0, I], [-K, -P]] alone, so that each solve is n x n. Verwer et al., SIAM J. Sci. Comput. 20
-    (1999). No Newton iteration, no Jacobian by autodiff.
+    (1999). No Newton iteration, no Jacobian by autodiff. Where the loop is much faster than a step,
+    positions keep order 2 and velocities have order 1: the reference's own motion is not in A.
     """
 
     def __init__(self, dt: float = 5e-3, compile: bool = False) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import torch
@@ -93,16 +94,18 @@ class Odeint(Solver):
             return torch.nan_to_num(value, nan=HUGE, posinf=HUGE, neginf=-HUGE)
 
         times = torch.stack([t, t + h])
-        end: Tensor = odeint(rate, y, times, method=self.method, **self._settings(float(h)))[-1]
+        end: Tensor = odeint(rate, y, times, method=self.method, **self._settings(times))[-1]
         return end
 
-    def _settings(self, h: float) -> dict[str, Any]:
+    def _settings(self, times: Tensor) -> dict[str, Any]:
         if self.method in ADAPTIVE:
-            return {"rtol": self.rtol, "atol": self.atol, "options": {"norm": _worst_sample}}
-        if self.method == "scipy_solver":
-            options = {"solver": "LSODA"}
+            # step_t: end on t + h itself; it would step beyond and interpolate at lower order.
+            options = {"norm": _worst_sample, "step_t": times[1:]}
             return {"rtol": self.rtol, "atol": self.atol, "options": options}
-        pieces = max(1, round(h / self.max_step + 0.499999))
+        if self.method == "scipy_solver":
+            return {"rtol": self.rtol, "atol": self.atol, "options": {"solver": "LSODA"}}
+        h = float(times[1] - times[0])
+        pieces = max(1, math.ceil(h / self.max_step - 1e-6))
         return {"options": {"step_size": h / pieces}}
 
 

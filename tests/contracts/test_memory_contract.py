@@ -1,0 +1,98 @@
+"""What every attention with every key rule must do. A new one is a line in the lists."""
+
+import pytest
+import torch
+
+import mann_torch as mt
+from mann_torch.memory import ATTENTIONS, KEY_RULES
+from mann_torch.types import MemoryMode, MemoryState
+from tests.conftest import make_attention, randn
+
+B, S, N, C = 64, 5, 6, 2
+ATTENTION_NAMES = ("soft", "hard", "reallocating_initial", "reallocating_always")
+pairs = pytest.mark.parametrize(
+    ("attention", "rule"), [(a, r) for a in ATTENTION_NAMES for r in KEY_RULES]
+)
+
+
+def test_every_registered_attention_is_under_contract() -> None:
+    covered = {type(make_attention(name)) for name in ATTENTION_NAMES}
+    assert covered == set(ATTENTIONS.values())
+
+
+def setup(attention: str, rule: str) -> tuple[mt.WorkingMemory, tuple]:
+    memory = mt.WorkingMemory(S, N, make_attention(attention), KEY_RULES[rule](), context_width=C)
+    width = C if rule == "state" else 0
+    state = MemoryState(0.4 * randn(B, S, N), randn(B, S, width, seed=1))
+    active = torch.rand(B, S, generator=torch.Generator().manual_seed(2)) < 0.6
+    active[:, 0] = True
+    mode = memory.initial_mode((B,))._replace(active=active)
+    hidden = torch.sigmoid(randn(B, N, seed=3))
+    return memory, (hidden, 0.1 * randn(B, N, seed=4), randn(B, C, seed=5), state, mode)
+
+
+@pairs
+def test_weights_are_a_distribution_over_active_slots(attention: str, rule: str) -> None:
+    memory, arguments = setup(attention, rule)
+    weights = memory(*arguments).weights
+    assert bool((weights >= 0).all())
+    torch.testing.assert_close(weights.sum(-1), torch.ones(B).double(), rtol=0, atol=1e-14)
+    assert bool((weights[~arguments[-1].active] == 0).all())
+
+
+@pairs
+def test_slot_permutation_permutes_the_weights(attention: str, rule: str) -> None:
+    memory, (hidden, correction, context, state, mode) = setup(attention, rule)
+    order = torch.tensor([3, 0, 4, 1, 2])
+    shuffled = MemoryState(state.mu[:, order], state.keys[:, order])
+    out = memory(hidden, correction, context, state, mode)
+    other = memory(
+        hidden, correction, context, shuffled, mode._replace(active=mode.active[:, order])
+    )
+    torch.testing.assert_close(other.weights, out.weights[:, order], rtol=0, atol=1e-14)
+    torch.testing.assert_close(other.read, out.read, rtol=0, atol=1e-13)
+
+
+@pairs
+def test_batch_equals_single_calls(attention: str, rule: str) -> None:
+    memory, (hidden, correction, context, state, mode) = setup(attention, rule)
+    out = memory(hidden, correction, context, state, mode)
+    jumped, jumped_mode = memory.jump(hidden, context, state, mode)
+    for i in range(0, B, 7):
+        state_i = MemoryState(state.mu[i], state.keys[i])
+        mode_i = MemoryMode(*(leaf[i] for leaf in mode))
+        one = memory(hidden[i], correction[i], context[i], state_i, mode_i)
+        torch.testing.assert_close(one.read, out.read[i], rtol=0, atol=1e-12)
+        torch.testing.assert_close(one.d_memory.mu, out.d_memory.mu[i], rtol=0, atol=1e-12)
+        alone, alone_mode = memory.jump(hidden[i], context[i], state_i, mode_i)
+        torch.testing.assert_close(alone.mu, jumped.mu[i], rtol=0, atol=1e-12)
+        assert torch.equal(alone_mode.active, jumped_mode.active[i])
+
+
+@pairs
+def test_jump_changes_at_most_one_slot_and_only_where_counted(attention: str, rule: str) -> None:
+    memory, (hidden, _, context, state, mode) = setup(attention, rule)
+    after, after_mode = memory.jump(hidden, context, state, mode)
+    changed = (after.mu != state.mu).any(-1).sum(-1)
+    resets = after_mode.reallocations - mode.reallocations
+    assert bool((changed <= 1).all())
+    assert torch.equal(changed, resets)
+
+
+@pairs
+def test_gradients_reach_features_contents_and_write_gain(attention: str, rule: str) -> None:
+    memory, (hidden, correction, context, state, mode) = setup(attention, rule)
+    (write_gain,) = memory.tune("write_gain")
+    hidden = hidden.requires_grad_()
+    state = MemoryState(state.mu.requires_grad_(), state.keys)
+    out = memory(hidden, correction, context, state, mode)
+    loss = out.read.square().sum() + out.d_memory.mu.square().sum()
+    gradients = torch.autograd.grad(loss, [write_gain, hidden, state.mu])
+    assert all(bool(torch.isfinite(g).all()) and bool((g != 0).any()) for g in gradients)
+
+
+@pairs
+def test_wrong_width_is_a_named_error(attention: str, rule: str) -> None:
+    memory, (hidden, _, context, _, _) = setup(attention, rule)
+    with pytest.raises(mt.ShapeError, match="memory of N = 6"):
+        memory.initial_state(hidden[:, :-1], context)

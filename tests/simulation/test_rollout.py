@@ -1,0 +1,197 @@
+"""Rollouts: batches, jumps, diverging samples, gradients."""
+
+import math
+
+import pytest
+import torch
+
+import mann_torch as mt
+from mann_torch.simulation import observe
+from mann_torch.trees import map_tensors
+from mann_torch.types import LoopState, NetworkState, PlantState
+from tests.conftest import CONTROLLERS, generator, make_loop, make_scenario
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_batch_equals_single_runs(name: str) -> None:
+    loop, scenario = make_loop(name), make_scenario(0.4, jumps=(0.2,))
+    network = loop.controller.initial_network((5,), generator())
+    together = mt.rollout(loop, scenario, network=network)
+    for i in range(5):
+        one = NetworkState(*(leaf[i] for leaf in network))
+        alone = mt.rollout(loop, scenario, network=one)
+        torch.testing.assert_close(alone.q, together.q[:, i], rtol=0, atol=1e-12)
+        mine = map_tensors(lambda leaf, i=i: leaf[:, i], together.states)
+        map_tensors(
+            lambda a, b: torch.testing.assert_close(a, b, rtol=0, atol=1e-12) or a,
+            alone.states,
+            mine,
+        )
+
+
+def test_stacked_scenarios_with_own_jumps_equal_single_ones() -> None:
+    loop = make_loop("reallocating_initial")
+    scenarios = [make_scenario(0.3, jumps=(0.1,)), make_scenario(0.4, jumps=(0.15, 0.25))]
+    network = loop.controller.initial_network((), generator())
+    both = mt.rollout(loop, mt.Scenario.stack(scenarios), network=network, sample_dt=0.005)
+    for i, scenario in enumerate(scenarios):
+        alone = mt.rollout(loop, scenario, network=network)
+        n = len(alone.t)
+        torch.testing.assert_close(alone.q, both.q[:n, i], rtol=0, atol=1e-12)
+        torch.testing.assert_close(mt.srmse(alone), mt.srmse(both)[i], rtol=1e-12, atol=0)
+
+
+def test_a_jump_acts_from_its_very_time_on() -> None:
+    loop = make_loop("nn")
+    knot = 0.1 + 1e-4  # off the 5 ms grid
+    network = loop.controller.initial_network((), generator())
+    jump = mt.rollout(loop, make_scenario(0.3, jumps=(knot,)), network=network)
+    until = mt.rollout(loop, make_scenario(knot), network=network)
+    k = jump.t.tolist().index(knot)
+    assert torch.equal(jump.q[: k + 1], until.q)  # the same bits up to the jump
+    # From the knot on: a run that starts there with the new masses.
+    heavy = mt.Scenario(
+        mt.Sinusoid([1.0, 0.3], [0.5, 0.7], [0.0, 0.1]), mt.arm_parameters([1.12, 3.22]), knot
+    )
+    lone = mt.rollout(loop, heavy, network=network)
+    assert not torch.equal(lone.q, until.q)
+    arm, t = loop.plant, jump.t[k]
+    state = LoopState(
+        PlantState(jump.q[k], jump.qd[k]),
+        map_tensors(lambda leaf: leaf[-1], until.states.controller),
+    )
+    rates = [
+        loop.flow(t, state, None, heavy.reference, arm.coefficients(p))[0].plant.qd
+        for p in (mt.arm_parameters(), heavy.parameters)
+    ]
+    h = jump.t[k + 1] - t
+    observed = (jump.qd[k + 1] - jump.qd[k]) / h
+    assert (observed - rates[1]).norm() < 0.5 * (observed - rates[0]).norm()
+
+
+def diverging_network(loop: mt.ClosedLoop, bad: int) -> NetworkState:
+    network = loop.controller.initial_network((4,), generator())
+    W = torch.zeros_like(network.W)
+    W[bad] = 1e9  # feeds itself beyond every bound within the first steps
+    return network._replace(W=W)
+
+
+@pytest.mark.parametrize("solver", [mt.Implicit(), mt.Odeint("rk4", dt=5e-3, max_step=2e-4)])
+def test_a_diverging_sample_is_frozen_and_spares_its_mates(solver: mt.Solver) -> None:
+    loop, scenario = make_loop("reallocating_initial"), make_scenario(0.05)
+    with torch.no_grad():
+        network = diverging_network(loop, bad=2)
+        run = mt.rollout(loop, scenario, solver, network=network)
+        mates = mt.rollout(
+            loop, scenario, solver, network=NetworkState(*(leaf[[0, 1, 3]] for leaf in network))
+        )
+    assert run.status.tolist() == [0, 0, 1, 0]
+    assert run.describe_status()[2].startswith("diverged at t = ")
+    assert math.isfinite(float(run.stopped_at[2])) and bool(
+        torch.isnan(run.stopped_at[[0, 1, 3]]).all()
+    )
+    torch.testing.assert_close(run.q[:, [0, 1, 3]], mates.q, rtol=0, atol=1e-12)
+    assert bool(torch.isfinite(run.q).all())
+    assert torch.isnan(mt.srmse(run)[2]).all() and torch.isfinite(mt.srmse(run)[[0, 1, 3]]).all()
+
+
+def test_a_dead_sample_leaks_no_nan_into_shared_gradients() -> None:
+    loop, scenario = make_loop("hard"), make_scenario(0.05)
+    network = diverging_network(loop, bad=0)
+    (gain,) = loop.controller.tune("write_gain")
+
+    def gradient(rows: list[int]) -> torch.Tensor:
+        chosen = NetworkState(*(leaf[rows] for leaf in network))
+        error = mt.rollout(loop, scenario, network=chosen).error
+        alive = [k for k, row in enumerate(rows) if row != 0]
+        return torch.autograd.grad(error[:, alive].square().sum(), gain)[0]
+
+    torch.testing.assert_close(gradient([0, 1, 2, 3]), gradient([1, 2, 3]), rtol=1e-12, atol=0)
+
+
+@pytest.mark.parametrize("name", ["nn", "soft"])
+def test_gradients_of_smooth_loops_match_central_differences(name: str) -> None:
+    loop, scenario = make_loop(name), make_scenario(0.5, jumps=(0.25,))
+    controller = loop.controller
+    network = controller.initial_network((2,), generator())
+    # The W-method treats its matrix as a constant of the step: order and limit are unaffected.
+    constants = ["error_gain", "base_gain", "robust_gain", "rate_W", "rate_V", "e_modification"]
+    constants += ["weight_bound"] + (["write_gain"] if name == "soft" else [])
+    controller.initialize(e_modification=0.05, weight_bound=0.1)
+    free = controller.tune(*constants)
+
+    def loss() -> torch.Tensor:
+        return mt.rollout(loop, scenario, network=network).error.square().sum()
+
+    gradients = torch.autograd.grad(loss(), free)
+    for constant, gradient in zip(free, gradients, strict=True):
+        value = constant.detach().clone()
+        h = 1e-5 * value
+        ends = []
+        for sign in (1.0, -1.0):
+            with torch.no_grad():
+                constant.copy_(value + sign * h)
+                ends.append(float(loss()))
+                constant.copy_(value)
+        directional = float((gradient * h).sum())
+        assert (ends[0] - ends[1]) / 2 == pytest.approx(directional, rel=1e-6)
+
+
+def test_gradients_reach_masses_lengths_reference_and_initial_weights() -> None:
+    loop = make_loop("reallocating_initial")
+    masses = torch.tensor([0.8, 2.3], dtype=torch.float64, requires_grad=True)
+    lengths = torch.tensor([1.0, 1.0], dtype=torch.float64, requires_grad=True)
+    amplitude = torch.tensor([1.0, 0.2], dtype=torch.float64, requires_grad=True)
+    network = loop.controller.initial_network((), generator())
+    network = network._replace(V=network.V.clone().requires_grad_())
+    scenario = mt.Scenario(mt.Sinusoid(amplitude), mt.arm_parameters(masses, lengths), 0.2)
+    run = mt.rollout(loop, scenario, network=network)
+    wanted = [masses, lengths, amplitude, network.V]
+    for gradient in torch.autograd.grad(mt.srmse(run).sum(), wanted):
+        assert bool(torch.isfinite(gradient).all()) and bool((gradient != 0).any())
+
+
+def test_memory_state_is_not_touched_by_a_rollout() -> None:
+    loop = make_loop("reallocating_always")
+    before = {k: v.clone() for k, v in loop.state_dict().items()}
+    mt.rollout(loop, make_scenario(0.2), generator=generator())
+    assert all(torch.equal(v, before[k]) for k, v in loop.state_dict().items())
+
+
+def test_same_seed_gives_the_same_bits() -> None:
+    loop, scenario = make_loop("reallocating_always"), make_scenario(0.5)
+    a, b = (mt.rollout(loop, scenario, generator=generator(3), batch_shape=(2,)) for _ in range(2))
+    assert torch.equal(a.q, b.q) and torch.equal(a.modes.attended, b.modes.attended)
+
+
+def test_reallocating_counts_and_signals_are_recorded() -> None:
+    loop, scenario = make_loop("reallocating_initial", n_slots=3), make_scenario(2.0)
+    run = mt.rollout(loop, scenario, generator=generator(), sample_dt=0.01)
+    assert int(mt.reallocations(run)) == int(run.final_mode.active.sum()) - 1 > 0
+    out = observe(loop, scenario, run)
+    picked = out.signals.weights.argmax(-1)
+    kept = run.states.controller.memory.mu
+    read = kept[torch.arange(len(picked)), picked]
+    torch.testing.assert_close(out.signals.read, read, rtol=0, atol=0)
+    torch.testing.assert_close(
+        out.signals.tracking.error, scenario.reference(run.sample_t).q - run.states.plant.q
+    )
+
+
+def test_srmse_is_the_root_mean_square_over_samples() -> None:
+    run = mt.rollout(make_loop("nn"), make_scenario(0.5), generator=generator())
+    expected = run.error.square().mean(dim=0).sqrt()
+    torch.testing.assert_close(mt.srmse(run), expected, rtol=1e-12, atol=0)
+    late = run.error[run.t > 0.3].square().mean(dim=0).sqrt()
+    torch.testing.assert_close(mt.srmse(run, after=0.3), late, rtol=1e-12, atol=0)
+
+
+def test_shapes_that_do_not_fit_are_named() -> None:
+    loop, scenario = make_loop("nn"), mt.Scenario.stack([make_scenario(), make_scenario()])
+    with pytest.raises(mt.ShapeError, match="broadcast"):
+        mt.rollout(loop, scenario, network=loop.controller.initial_network((3,), generator()))
+    with pytest.raises(mt.ConfigError, match="horizon"):
+        make_scenario(float("nan"))
+    with pytest.raises(mt.ConfigError, match="schedule of 'mass'"):
+        schedule = {"mass": mt.PiecewiseConstant([1.0], [[1.0], [2.0]])}
+        mt.Scenario(mt.Sinusoid([1.0, 0.0]), mt.arm_parameters(), 1.0, schedule)
