@@ -21,7 +21,7 @@ from mann_torch.memory import (
     StateKeys,
     WorkingMemory,
 )
-from mann_torch.plants import TwoLinkArm, arm_parameters
+from mann_torch.plants import PLANTS, TwoLinkArm, arm_parameters
 from mann_torch.signals import PiecewiseConstant, growing_square, multiplied
 from mann_torch.simulation import METHODS
 from mann_torch.types import NetworkState, PlantState
@@ -57,8 +57,8 @@ def build(cfg: SimulateConfig) -> Experiment:
 
 def build_scenario(cfg: SimulateConfig) -> Scenario:
     """The scenario, unbatched."""
-    if cfg.plant.name != "two_link_arm":
-        raise ConfigError(f"unknown plant '{cfg.plant.name}'; choose from two_link_arm")
+    if cfg.plant.name not in PLANTS:
+        raise ConfigError(f"unknown plant '{cfg.plant.name}'; choose from {', '.join(PLANTS)}")
     plant = cfg.plant
     lists = {
         "plant.masses": plant.masses,

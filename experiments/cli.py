@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import re
+import shlex
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -13,10 +14,10 @@ from typing import Any
 import hydra
 from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 
 from mann_torch.errors import ConfigError, MannError
 
@@ -59,10 +60,17 @@ def compose_job(config_name: str, overrides: list[str]) -> Any:
     try:
         with initialize_config_dir(version_base="1.3", config_dir=str(CONF)):
             return compose(config_name, overrides=overrides)
-    except (HydraException, OmegaConfBaseException) as error:
+    except Exception as error:  # Hydra raises bare TypeErrors and the like for odd overrides
         raise ConfigError(_one_line(error)) from None
     finally:
         GlobalHydra.instance().hydra = outer
+
+
+def command_line(module: str) -> str:
+    """The command that made the running job, to be written beside its results."""
+    overrides = HydraConfig.get().overrides.task
+    plain = [re.sub(r"^(\w+)='([^']*)'$", r"\1=\2", override) for override in overrides]
+    return shlex.join(["python", "-m", module, *plain])
 
 
 def _guarded(task: Callable[[Any], None]) -> Callable[[Any], None]:

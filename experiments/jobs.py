@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import multiprocessing
 import os
 from collections.abc import Callable, Iterator
@@ -58,10 +59,14 @@ class JobResult:
         return flat
 
 
+@functools.cache
+def _composed(overrides: tuple[str, ...]) -> SimulateConfig:
+    return cast(SimulateConfig, OmegaConf.to_object(compose_job("simulate", list(overrides))))
+
+
 def job_config(cfg: ReproduceConfig, job: Job, scenario: str) -> SimulateConfig:
     """The `simulate` configuration of one scenario of a job. Raises `ConfigError`."""
-    composed = compose_job("simulate", [f"scenario='{scenario}'", *job.overrides])
-    plain = cast(SimulateConfig, OmegaConf.to_object(composed))
+    plain = _composed((f"scenario='{scenario}'", *job.overrides))
     horizon = plain.scenario.horizon
     if cfg.horizon is not None:
         horizon = min(horizon, cfg.horizon)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 import time
 from dataclasses import asdict
@@ -20,7 +19,7 @@ from . import figures as pictures
 from . import golden as gold
 from . import tables
 from .claims import Finding, findings
-from .cli import FAILED, reject_unknown, run_cli
+from .cli import FAILED, command_line, reject_unknown, run_cli
 from .config import ReproduceConfig
 from .jobs import batched, run_jobs
 from .plan import Job, judges_claims, plan
@@ -52,8 +51,7 @@ def checked(cfg: Any) -> tuple[ReproduceConfig, list[Job], gold.GoldenFile | Non
 def _task(cfg: Any) -> None:
     plain, jobs, golden = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
-    overrides = list(HydraConfig.get().overrides.task)
-    command = shlex.join(["python", "-m", "experiments.reproduce", *overrides])
+    command = command_line("experiments.reproduce")
     write_text(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
     start = time.perf_counter()
     done = []

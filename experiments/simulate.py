@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import sys
 import time
 from collections.abc import Mapping
@@ -19,7 +18,7 @@ from mann_torch import Trajectory, rollout
 from mann_torch.simulation.step_grid import StepGrid
 
 from .build import Experiment, build
-from .cli import reject_unknown, run_cli
+from .cli import command_line, reject_unknown, run_cli
 from .config import SimulateConfig
 from .figures import Arrays, attention_timeline, features_and_read, joint_angles, one_draw, save
 from .recording import log_run, metrics_of, signal_arrays
@@ -95,7 +94,6 @@ def _task(cfg: Any) -> None:
         metrics = metrics_of(trajectory)
         arrays = signal_arrays(experiment.loop, experiment.scenario, trajectory)
     title = f"scenario {plain.scenario.name}, {plain.controller.name}, {plain.keys.name} keys"
-    overrides = list(HydraConfig.get().overrides.task)
     record = {
         **metrics,
         "wall_s": wall_s,
@@ -105,7 +103,7 @@ def _task(cfg: Any) -> None:
         "solver": trajectory.solver,
         "engine": trajectory.engine,
         "units": {"srmse": "rad", "srmse_after_10s": "rad", "wall_s": "s"},
-        "command": shlex.join(["python", "-m", "experiments.simulate", *overrides]),
+        "command": command_line("experiments.simulate"),
     }
     write_text(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
     write_json(folder / "metrics.json", record)

@@ -37,6 +37,11 @@ def times_column(A: Tensor, x: Tensor) -> Tensor:
     return (A @ x.unsqueeze(-1)).squeeze(-1)
 
 
+def per_matrix(constant: Tensor) -> Tensor:
+    """A constant per sample, ready to scale matrices: (...,) -> (..., 1, 1)."""
+    return constant.unsqueeze(-1).unsqueeze(-1)
+
+
 def outer(a: Tensor, b: Tensor) -> Tensor:
     """a b': (..., a), (..., b) -> (..., a, b)."""
     return a.unsqueeze(-1) * b.unsqueeze(-2)

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ..errors import ConfigError
-from ..functional import Numbers, frobenius, times_column
+from ..functional import Numbers, frobenius, per_matrix, times_column
 from ..memory import WorkingMemory
 from ..types import (
     ControllerState,
@@ -136,7 +136,7 @@ class MannController(Controller):
         n = self.n_joints
         eye = torch.eye(n, dtype=output.torque.dtype)
         slope = self.network.input_slope(output.signals.features, state.network, first=n, n=n)
-        rate = output.signals.gain[..., None, None] * eye + slope
+        rate = per_matrix(output.signals.gain) * eye + slope
         return TorqueGains(rate @ self.tracking.error_gain, rate)
 
     def _look(

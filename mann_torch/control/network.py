@@ -97,15 +97,23 @@ class AdaptiveNetwork(DesignModule):
 
         `correction` is W r (..., N) and `error_norm` |e| (...,).
         """
-        rate_W, rate_V = self.rate_W[..., None, None], self.rate_V[..., None, None]
-        decay = (self.e_modification * error_norm)[..., None, None]
+        decay = (self.e_modification * error_norm).unsqueeze(-1)
         regressor = features.hidden - features.slope * features.pre
         back = features.slope * correction
+        rate_W, rate_V, matrix_decay = (
+            self.rate_W.unsqueeze(-1),
+            self.rate_V.unsqueeze(-1),
+            decay.unsqueeze(-1),
+        )
         return NetworkState(
-            W=rate_W * torch.addcmul(outer(regressor, feedback), decay, state.W, value=-1),
-            b_w=rate_W[..., 0] * torch.addcmul(feedback, decay[..., 0], state.b_w, value=-1),
-            V=rate_V * torch.addcmul(outer(nn_input, back), decay, state.V, value=-1),
-            b_v=rate_V[..., 0] * torch.addcmul(back, decay[..., 0], state.b_v, value=-1),
+            W=outer(rate_W * regressor, feedback).addcmul(
+                rate_W.unsqueeze(-1) * matrix_decay, state.W, value=-1
+            ),
+            b_w=rate_W * torch.addcmul(feedback, decay, state.b_w, value=-1),
+            V=outer(rate_V * nn_input, back).addcmul(
+                rate_V.unsqueeze(-1) * matrix_decay, state.V, value=-1
+            ),
+            b_v=rate_V * torch.addcmul(back, decay, state.b_v, value=-1),
         )
 
     def input_slope(self, features: Features, state: NetworkState, first: int, n: int) -> Tensor:

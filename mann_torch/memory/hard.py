@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from torch import Tensor
 
-from ..functional import nearest_weights
+from ..functional import nearest_weights, per_matrix
 from ..types import Comparison, MemoryMode, Shift
 from .attention import Attention
 
 
 def attend_nearest(comparison: Comparison, active: Tensor) -> Tensor:
     """Weight 1 on the active slot with the nearest scaled key. (..., S)"""
-    scale = comparison.scale[..., None, None]
+    scale = per_matrix(comparison.scale)
     return nearest_weights(comparison.query, comparison.keys / scale, active)
 
 

@@ -9,7 +9,15 @@ from torch import Tensor
 
 from ..constraints import DesignModule, Positive
 from ..errors import ConfigError, ShapeError
-from ..functional import Numbers, frobenius, infinity_distances, one_hot, pick, row_times
+from ..functional import (
+    Numbers,
+    frobenius,
+    infinity_distances,
+    one_hot,
+    per_matrix,
+    pick,
+    row_times,
+)
 from ..types import MemoryMode, MemoryOutput, MemoryState
 from .attention import Attention
 from .keys import KeyRule, RepresentationKeys
@@ -134,7 +142,7 @@ class WorkingMemory(DesignModule):
 
     def relevance(self, hidden: Tensor, memory: MemoryState) -> Tensor:
         """|sigma - mu_i / c_w|_inf (..., S), whatever the keys are."""
-        return infinity_distances(hidden, memory.mu / self.write_gain[..., None, None])
+        return infinity_distances(hidden, memory.mu / per_matrix(self.write_gain))
 
     def magnitude(self, memory: MemoryState, mode: MemoryMode) -> Tensor:
         """|mu|_F (...,) over the active slots; a slot not yet in use holds nothing."""

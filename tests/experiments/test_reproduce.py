@@ -1,0 +1,206 @@
+"""The reproduce command, its plan, tables, claims and golden check."""
+
+import json
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from omegaconf import OmegaConf
+
+from experiments import reproduce, tables
+from experiments.claims import findings
+from experiments.cli import compose_job
+from experiments.config import ReproduceConfig, RowConfig, TableConfig, group_names
+from experiments.golden import checks, golden_file
+from experiments.jobs import JobResult, batched
+from experiments.plan import Job, plan
+from experiments.results import Results, interval
+from tests.conftest import GOLDEN
+
+
+def config(*overrides: str) -> ReproduceConfig:
+    cfg = OmegaConf.to_object(compose_job("reproduce", list(overrides)))
+    assert isinstance(cfg, ReproduceConfig)
+    return cfg
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["reproduce", *arguments])
+    try:
+        reproduce.main()
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+def made_up(variant: str, scenarios: dict[str, list[list[float]]]) -> JobResult:
+    """A result with given SRMSE x 10^3 (draws, 2) per scenario."""
+    srmse = 1e-3 * np.array(list(scenarios.values()))
+    zeros = np.zeros(srmse.shape[:2], dtype=int)
+    job = Job(variant, [], list(scenarios))
+    ok = [["ok"] * srmse.shape[1]] * len(scenarios)
+    return JobResult(job, srmse, srmse, zeros, zeros, ok, {}, "eager", 14)
+
+
+def test_every_experiment_file_runs_short(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "run"
+    every = ",".join(group_names("experiment"))
+    short = ["horizon=0.2", "draws=2", "workers=1", "solver.compile=false", f"run_dir={folder}"]
+    assert run(monkeypatch, *short, f"experiment=[{every}]") == 0
+    record = json.loads((folder / "metrics.json").read_text())
+    printed = {
+        (c["scenario"], c["variant"], c["metric"], c["joint"])
+        for c in record["cells"]
+        if c["paper"]
+    }
+    assert len(printed) == 46
+    assert {c["table"] for c in record["cells"] if c["variant"] == "one_slot"} == {
+        c["table"] for c in record["cells"]
+    }
+    report = (folder / "report.md").read_text()
+    assert report.split("![")[0].strip() in capsys.readouterr().out
+    lines = (folder / "tables.csv").read_text().splitlines()
+    assert len(lines) == 1 + len(record["cells"])
+    pictures = {path.stem for path in (folder / "figures").glob("*.png")}
+    assert {"case_1_joint_angles", "case_2_features_and_read", "against_paper"} <= pictures
+    assert "attention_attention_timeline" in pictures
+    for variant in ("nn", "soft", "hard", "reallocating_initial", "one_slot"):
+        with np.load(folder / "runs" / f"{variant}.npz") as arrays:
+            assert arrays["srmse"].shape == (len(arrays["scenarios"]), 2, 2)
+
+
+def test_workers_give_the_same_numbers_as_one_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    results = []
+    for workers in (1, 2):
+        folder = tmp_path / str(workers)
+        short = ["horizon=0.05", "draws=1", "solver.compile=false", "experiment=[table_6]"]
+        assert run(monkeypatch, *short, f"workers={workers}", f"run_dir={folder}") == 0
+        results.append(json.loads((folder / "metrics.json").read_text())["cells"])
+    assert results[0] == results[1]
+
+
+def test_batched_scenarios_keep_their_own_constants() -> None:
+    cfg = config("draws=2")
+    experiment = batched(
+        cfg, Job("reallocating_initial", ["controller=reallocating_initial"], ["1", "6"])
+    )
+    theta = experiment.loop.controller.constant("shift_threshold")
+    assert theta.tolist() == [0.2, 0.2, 0.25, 0.25]
+    assert experiment.scenario.parameters.lengths[:, 1].tolist() == [1.0, 1.0, 2.0, 2.0]
+
+
+def test_verdicts_differences_and_reductions() -> None:
+    nn = made_up("nn", {"1": [[10.0, 4.0], [10.4, 4.3]]})
+    ours = made_up("reallocating_initial", {"1": [[8.0, 3.0], [8.0, 3.6]]})
+    table = TableConfig(
+        title="T",
+        scenario="1",
+        rows=[
+            RowConfig("nn", "one", None, [10.0, 4.0]),
+            RowConfig("reallocating_initial", "two", None, [9.0, 3.4]),
+            RowConfig("nn", "ours alone"),
+        ],
+        reduction=["one", "two"],
+        paper_reduction=[10.0, 15.0],
+    )
+    results = Results([nn, ours])
+    found = tables.cells(table, results)
+    assert [c.verdict for c in found] == ["within 5 %", "within 5 %", "off", "within 5 %", "", ""]
+    assert found[0].mean == pytest.approx(10.2) and found[0].sd == pytest.approx(0.2 * math.sqrt(2))
+    assert found[2].difference == pytest.approx(100 * (8 / 9 - 1))
+    (printed, reduction, change), _ = tables.reductions(table, results)
+    assert printed == 10.0 and reduction == pytest.approx(100 * 2.2 / 10.2)
+    # paired differences -2.0 and -2.4 of a mean of 10.2; t(0.975, 1) = 12.706
+    half = 12.7062047 * 0.4 / math.sqrt(2) / math.sqrt(2) / 10.2 * 100
+    assert change.mean == pytest.approx(-100 * 2.2 / 10.2) and change.half == pytest.approx(half)
+    assert not change.excludes_zero
+    assert tables.score(found) == "4 published figures: 3 within 10 %, 3 within 5 %, 1 off"
+
+
+def test_interval_of_known_numbers() -> None:
+    found = interval(np.array([1.0, 2.0, 3.0]))
+    assert found.mean == 2.0 and found.half == pytest.approx(4.30265273 / math.sqrt(3))
+    assert math.isnan(interval(np.array([1.0])).half)
+    assert not interval(np.array([1.0])).excludes_zero
+
+
+def test_the_plan_covers_tables_figures_claims_and_golden_runs() -> None:
+    cfg = config(f"initial.weights_file={GOLDEN / 'initial_weights.npz'}")
+    golden = golden_file(cfg)
+    assert golden is not None and len(golden.runs) == 49
+    jobs = {job.variant: job for job in plan(cfg, list(golden.runs))}
+    assert set(jobs["nn"].scenarios) == {*"123456", "illustration"}
+    assert {"4_offset", "1_long_arm", "4_long_arm"} <= set(jobs["hard"].scenarios)
+    assert all((s in jobs[v].scenarios) for s, v in golden.runs)
+    assert jobs["reallocating_always"].recorded == ["illustration"]
+
+
+@pytest.mark.parametrize(("error", "passed"), [(1.0, True), (2.0, False)])
+def test_golden_check_allows_one_and_a_half_percent(error: float, passed: bool) -> None:
+    cfg = config(f"initial.weights_file={GOLDEN / 'initial_weights.npz'}", "draws=3")
+    golden = golden_file(cfg)
+    assert golden is not None
+    expected = golden.runs[("1", "nn")]
+    result = made_up("nn", {"1": (expected[:, :2] * (1 + error / 100)).tolist()})
+    after = 1e-3 * expected[None, :, 2:]
+    object.__setattr__(result, "srmse_after_10s", after)
+    (check,) = checks(golden, Results([result]), cfg)
+    assert check.single == pytest.approx(error) and check.passed is passed
+
+
+def test_claims_follow_the_numbers() -> None:
+    good, bad = [[8.0, 3.0]] * 3, [[9.0, 3.5]] * 3
+    names = [*"123456", "4_offset", "1_long_arm", "4_long_arm"]
+    t = np.linspace(0, 60, 61)
+    wave = np.stack([np.sin(t)] * 3, axis=1)[..., None]
+    signals = {"t": t, "error": wave, "error_rate": wave, "read": wave, "hidden": wave}
+    results = []
+    for variant in ("nn", "soft", "hard", "reallocating_initial", "reallocating_always"):
+        values = good if variant == "reallocating_initial" else bad
+        result = made_up(variant, dict.fromkeys(names, values))
+        result.signals["illustration"] = signals
+        results.append(result)
+    results.append(made_up("reallocating_initial_state_keys", dict.fromkeys(names, bad)))
+    by_claim = {f.claim: f.reproduced for f in findings(Results(results))}
+    assert by_claim["scenario 1: this paper's controller beats soft"]
+    assert by_claim["scenario 6: this paper's controller beats hard attention"]
+    assert by_claim["scenario 1: representation keys beat state keys"]
+    assert not by_claim["scenario 4: state keys beat representation keys"]
+    assert not by_claim["scenario 4: only marginally better than soft"]
+    assert by_claim["the equal-parameter network has N = 14"]
+
+
+@pytest.mark.parametrize(
+    ("argument", "words"),
+    [
+        ("experiment=[table_9]", "table_9"),
+        ("draws=0", "draws"),
+        ("workers=0", "workers"),
+        ("solver.dt=nan", "dt"),
+        ("tables.table_1.metric=mae", "mae"),
+        ("variants.nn=['controller=lstm']", "lstm"),
+        ("+colour=red", "colour"),
+        ("initial.weights_file=/nowhere.npz", "/nowhere.npz"),
+        ("horizon=-1", "horizon"),
+    ],
+)
+def test_bad_input_is_one_line_exit_code_2_and_no_folder(
+    argument: str,
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(monkeypatch, argument, f"run_dir={tmp_path / 'run'}") == 2
+    err = capsys.readouterr().err
+    assert len(err.strip().splitlines()) == 1 and words in err
+    assert list(tmp_path.iterdir()) == []

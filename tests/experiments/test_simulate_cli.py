@@ -1,0 +1,284 @@
+"""The simulate command line, in this process."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from omegaconf import OmegaConf
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+from experiments import simulate
+from experiments.config import group_names
+from tests.conftest import GOLDEN
+
+WEIGHTS = f"initial.weights_file={GOLDEN / 'initial_weights.npz'}"
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    """Exit code of the command line."""
+    monkeypatch.setattr(sys, "argv", ["simulate", *arguments])
+    try:
+        simulate.main()
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "run"
+
+
+def test_a_run_leaves_everything_behind(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    arguments = ["scenario=5", "controller=reallocating_initial", "keys=representation"]
+    arguments += ["solver=implicit", "solver.dt=0.005", "horizon=1", "seed=0", "draws=2"]
+    assert run(monkeypatch, *arguments, f"run_dir={folder}") == 0
+    metrics = json.loads((folder / "metrics.json").read_text())
+    assert np.array(metrics["srmse"]).shape == (2, 2)
+    assert metrics["srmse_after_10s"] == [[None, None], [None, None]]  # nothing after 10 s
+    assert metrics["status"] == ["ok", "ok"] and len(metrics["switches"]) == 2
+    assert metrics["wall_s"] > 0 and " scenario=5 " in metrics["command"]
+    cfg = OmegaConf.load(folder / "config.yaml")
+    assert cfg.plant.lengths == [1.0, 2.0] and cfg.scenario.name == "5" and cfg.draws == 2
+    with np.load(folder / "trajectory.npz") as arrays:
+        assert arrays["t"][0] == 0.0 and arrays["t"][-1] == 1.0
+        assert arrays["q"].shape == (21, 2, 2) and arrays["mu"].shape == (21, 2, 5, 10)
+        error = arrays["reference"] - arrays["q"]
+        np.testing.assert_allclose(arrays["error"], error, atol=1e-14)
+    pngs = {path.name for path in folder.glob("*.png")}
+    assert pngs == {"joint_angles.png", "features_and_read.png", "attention.png"}
+    assert not list(folder.rglob(".*.png.*"))
+
+
+def test_tensorboard_holds_curves_figures_and_settings_in_one_run(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert run(monkeypatch, "controller=hard", "horizon=0.5", f"run_dir={folder}") == 0
+    events = list(folder.rglob("events.out.tfevents.*"))
+    assert [path.parent for path in events] == [folder]  # no sub-run named by the time
+    accumulator = EventAccumulator(str(folder), size_guidance={"scalars": 0}).Reload()
+    tags = accumulator.Tags()
+    assert {"draw0/error_1", "draw0/torque_2", "draw0/attended"} <= set(tags["scalars"])
+    assert len(accumulator.Scalars("draw0/error_1")) == 11
+    assert set(tags["images"]) == {"joint_angles", "features_and_read", "attention"}
+    assert "_hparams_/session_start_info" in accumulator.summary_metadata
+    results = json.loads((folder / "metrics.json").read_text())["srmse"][0]
+    assert accumulator.Scalars("metrics/srmse_1")[0].value == pytest.approx(results[0], rel=1e-6)
+
+
+def test_weights_file_gives_the_files_draw(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    common = [WEIGHTS, "controller=nn", "horizon=0.3", "output.figures=false"]
+    assert run(monkeypatch, *common, "draws=3", f"run_dir={folder}/all") == 0
+    assert run(monkeypatch, *common, "initial.draw=2", f"run_dir={folder}/one") == 0
+    every, one = (json.loads((folder / d / "metrics.json").read_text()) for d in ("all", "one"))
+    assert every["srmse"][2] == pytest.approx(one["srmse"][0], rel=1e-10)
+    assert every["srmse"][0] != every["srmse"][1]
+
+
+def test_multirun_runs_the_product(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    arguments = ["-m", "scenario=1,4_offset", "controller=nn,hard", "horizon=0.05"]
+    assert run(monkeypatch, *arguments, "output.tensorboard=false", f"run_dir={folder}") == 0
+    found = [json.loads(p.read_text()) for p in sorted(folder.glob("*/metrics.json"))]
+    pairs = {(m["scenario"], m["controller"]) for m in found}
+    assert pairs == {(s, c) for s in ("1", "4_offset") for c in ("nn", "hard")}
+
+
+@pytest.mark.parametrize("scenario", group_names("scenario"))
+@pytest.mark.parametrize("controller", ["nn", "reallocating_always"])
+def test_every_scenario_and_key_rule_builds_and_steps(
+    scenario: str, controller: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments = [f"scenario={scenario}", f"controller={controller}", "keys=state", "horizon=0.02"]
+    quiet = ["output.figures=false", "output.tensorboard=false", f"run_dir={folder}"]
+    assert run(monkeypatch, *arguments, *quiet) == 0
+
+
+BAD = [
+    ("scenario=7", "unknown scenario '7'; choose from 1, 1_long_arm, 2"),
+    ("controller=lstm", "choose from hard, nn, reallocating_always"),
+    ("keys=foo", "unknown keys 'foo'; choose from representation, state"),
+    ("solver=rk5", "unknown solver 'rk5'"),
+    ("plant.masses=[-0.8,2.3]", "masses"),
+    ("plant.masses=[nan,2.3]", "plant.masses"),
+    ("plant.masses=[0.8]", "plant.masses"),
+    ("plant.masses=[0.8,2.3,1]", "plant.masses"),
+    ("plant.lengths=[0,1]", "lengths"),
+    ("solver.dt=0", "dt"),
+    ("solver.dt=-0.005", "dt"),
+    ("solver.dt=nan", "dt"),
+    ("controller.n_hidden=0", "n_hidden"),
+    ("memory.n_slots=0", "n_slots"),
+    ("memory.reset=zero", "reset"),
+    ("constants.shift_threshold=-0.1", "shift_threshold"),
+    ("constants.error_gain=[1,2,3]", "error_gain"),
+    ("constants.error_gain=[[1,2],[2,1]]", "error_gain"),
+    ("constants.error_gain=fast", "error_gain"),
+    ("scenario.amplitude=[1,0,0]", "scenario.amplitude"),
+    ("scenario.mass_jumps=[[5]]", "mass_jumps"),
+    ("scenario.mass_jumps=[[5,-1]]", "mass_jumps"),
+    ("scenario.mass_jumps=[[5,sqrt(x)]]", "mass_jumps"),
+    ("scenario.mass_jumps=[7]", "mass_jumps"),
+    ("scenario.mass_jumps=[[9,2],[5,2]]", "increase"),
+    ("horizon=0", "horizon"),
+    ("horizon=inf", "horizon"),
+    ("draws=0", "draws"),
+    ("draws=two", "draws"),
+    ("seed=-1", "seed"),
+    ("initial.std=-1", "initial_std"),
+    ("initial.draw=-1", "initial.draw"),
+    ("output.sample_dt=0", "sample_dt"),
+    ("speed=3", "speed"),
+    ("+speed=3", "unknown setting 'speed'"),
+    ("+plant.colour=red", "unknown setting 'plant.colour'"),
+    ("scenario=1,2", "scenario"),
+    ("horizon", "horizon"),
+    ("initial.weights_file=/nowhere.npz", "/nowhere.npz"),
+]
+
+
+@pytest.mark.parametrize(("argument", "words"), BAD)
+def test_bad_input_is_one_line_exit_code_2_and_no_folder(
+    argument: str,
+    words: str,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(monkeypatch, argument, f"run_dir={folder}") == 2
+    out, err = capsys.readouterr()
+    assert out == "" and len(err.strip().splitlines()) == 1 and words in err
+    assert list(folder.parent.iterdir()) == []
+
+
+def damaged(path: Path, kind: str) -> Path:
+    whole = (GOLDEN / "initial_weights.npz").read_bytes()
+    with np.load(GOLDEN / "initial_weights.npz") as data:
+        arrays = {name: data[name] for name in data.files}
+    if kind == "truncated":
+        path.write_bytes(whole[: len(whole) // 2])
+    elif kind == "empty":
+        path.write_bytes(b"")
+    elif kind == "text":
+        path.write_text("not an archive")
+    elif kind == "flipped":
+        path.write_bytes(whole[:400] + bytes([whole[400] ^ 0xFF]) + whole[401:])
+    elif kind == "pickle":
+        np.savez(path, V_10=np.array([{}], dtype=object), b_v_10=np.zeros((1, 10)))
+    elif kind == "strings":
+        np.savez(path, V_10=np.array([["a"]]), b_v_10=np.zeros((1, 10)))
+    elif kind == "missing V_10":
+        np.savez(path, V_14=arrays["V_14"], b_v_14=arrays["b_v_14"])
+    elif kind == "wrong shape":
+        np.savez(path, V_10=arrays["V_10"][:, :9], b_v_10=arrays["b_v_10"])
+    elif kind == "wrong bias":
+        np.savez(path, V_10=arrays["V_10"], b_v_10=arrays["b_v_10"][:5])
+    elif kind == "nan":
+        np.savez(path, V_10=arrays["V_10"] * np.nan, b_v_10=arrays["b_v_10"])
+    return path
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "truncated",
+        "empty",
+        "text",
+        "flipped",
+        "pickle",
+        "strings",
+        "missing V_10",
+        "wrong shape",
+        "wrong bias",
+        "nan",
+    ],
+)
+def test_a_bad_weights_file_is_one_line_and_exit_code_2(
+    kind: str,
+    tmp_path_factory: pytest.TempPathFactory,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = damaged(tmp_path_factory.mktemp("weights") / "w.npz", kind)
+    assert run(monkeypatch, f"initial.weights_file={path}", f"run_dir={folder}") == 2
+    err = capsys.readouterr().err
+    assert len(err.strip().splitlines()) == 1 and "weights file" in err
+    assert not folder.exists()
+
+
+def test_a_draw_out_of_range_is_named(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, WEIGHTS, "initial.draw=10", f"run_dir={folder}") == 2
+    assert "draws 0 to 9" in capsys.readouterr().err and not folder.exists()
+
+
+def test_one_bad_job_stops_a_multirun_before_it_starts(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, "-m", "controller=nn,lstm", "horizon=0.05", f"run_dir={folder}") == 2
+    assert not folder.exists()
+
+
+def test_a_finished_run_is_not_overwritten(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quiet = ["controller=nn", "horizon=0.05", "output.figures=false", f"run_dir={folder}"]
+    assert run(monkeypatch, *quiet) == 0
+    before = (folder / "metrics.json").read_bytes()
+    assert run(monkeypatch, *quiet) == 2
+    assert "already holds a run" in capsys.readouterr().err
+    assert (folder / "metrics.json").read_bytes() == before
+
+
+numbers = st.sampled_from(["nan", "-1", "inf", "-inf", "0", "x", "[1]", "null", "{a:1}", "''"])
+names = st.sampled_from(
+    [
+        "solver.dt",
+        "horizon",
+        "constants.base_gain",
+        "constants.error_gain",
+        "constants.write_gain",
+        "plant.masses",
+        "plant.lengths",
+        "draws",
+        "memory.n_slots",
+        "scenario.frequency",
+        "plant",
+    ]
+)
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
+@given(name=names, value=numbers)
+def test_random_bad_values_never_raise_or_leave_a_folder(
+    name: str, value: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    if (name, value) in {("horizon", "null"), ("constants.error_gain", "null")}:
+        return  # null is how `horizon` says "the scenario's own"
+    folder = tmp_path_factory.mktemp("bad") / "run"
+    with pytest.MonkeyPatch.context() as patch:
+        assert run(patch, f"{name}={value}", f"run_dir={folder}") == 2
+    assert not folder.exists()
+
+
+def test_help_lists_scenarios_and_controllers() -> None:
+    command = [sys.executable, "-m", "experiments.simulate", "--help"]
+    root = Path(simulate.__file__).parent.parent
+    out = subprocess.run(command, capture_output=True, text=True, check=True, cwd=root).stdout
+    assert all(name in out for name in group_names("scenario") + group_names("controller"))
+
+
+def test_run_folders_of_runs_started_at_once_differ() -> None:
+    from experiments.config import _run_folder
+
+    folders = {_run_folder(None, "simulate") for _ in range(200)}
+    assert len(folders) == 200
+    assert all(re.match(r"logs/simulate/\d{8}-\d{6}-\d{6}-", f) for f in folders)

@@ -1,0 +1,50 @@
+"""The wheel installs only `mann_torch`, and its commands run from anywhere."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the wheel alone, none of the checkout."""
+    base = tmp_path_factory.mktemp("wheel")
+    source = base / "source"
+    files = subprocess.run(
+        ["git", "ls-files", "-co", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True
+    ).stdout.split()
+    for name in files:
+        if (ROOT / name).exists() and not name.startswith(("tests/", "logs/")):
+            (source / name).parent.mkdir(parents=True, exist_ok=True)
+            (source / name).write_bytes((ROOT / name).read_bytes())
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
+    subprocess.run([*pip, "--target", str(base / "site"), str(source)], check=True)
+    return base / "site"
+
+
+def test_no_foreign_top_level_names(site: Path) -> None:
+    names = {p.name for p in site.iterdir() if not p.name.endswith(".dist-info")}
+    assert names == {"mann_torch", "bin"}
+    assert (site / "mann_torch" / "conf" / "scenario" / "1.yaml").exists()
+
+
+def test_the_console_script_runs_from_another_folder(site: Path, tmp_path: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": str(site), "PYTHONSAFEPATH": "1"}
+    script = site / "bin" / "mann-simulate"
+    arguments = ["controller=nn", "horizon=0.05", "output.tensorboard=false"]
+    where = "import mann_torch.experiments.simulate as s; print(s.__file__)"
+    found = subprocess.run(
+        [sys.executable, "-c", where], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert found.stdout.startswith(str(site)), found.stderr
+    for command in ([str(script)], [sys.executable, "-m", "mann_torch.experiments.simulate"]):
+        done = subprocess.run(
+            [*command, *arguments], cwd=tmp_path, env=environment, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+    assert len(list((tmp_path / "logs" / "simulate").glob("*/metrics.json"))) == 2

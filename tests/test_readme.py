@@ -1,0 +1,31 @@
+"""What the README shows is what happens."""
+
+import contextlib
+import io
+import re
+from pathlib import Path
+
+from experiments.config import ConstantsConfig
+
+README = (Path(__file__).parent.parent / "README.md").read_text()
+
+
+def test_the_first_snippet_prints_a_gradient() -> None:
+    snippet = re.findall(r"```python\n(.*?)```", README, re.S)[0]
+    assert len(snippet.strip().splitlines()) <= 20
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(compile(snippet, "README.md", "exec"), {})
+    label, value = printed.getvalue().strip().rsplit(" ", 1)
+    assert "c_w" in label and float(value) != 0.0
+
+
+def test_the_symbol_table_names_every_constant() -> None:
+    for name in ConstantsConfig.__dataclass_fields__:
+        assert f"`{name}`" in README, name
+
+
+def test_the_readme_has_the_result_and_a_figure() -> None:
+    assert "within 10 %" in README
+    for picture in re.findall(r"!\[[^]]*\]\(([^)]+)\)", README):
+        assert (Path(__file__).parent.parent / picture).exists()
