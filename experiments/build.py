@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,14 +22,16 @@ from mann_torch.memory import (
     WorkingMemory,
 )
 from mann_torch.plants import PLANTS, TwoLinkArm, arm_parameters
-from mann_torch.signals import PiecewiseConstant, growing_square, multiplied
+from mann_torch.signals import PiecewiseConstant
 from mann_torch.simulation import METHODS
 from mann_torch.types import NetworkState, PlantState
 
-from .config import ReproduceConfig, ScenarioConfig, SimulateConfig, SolverConfig
-from .weights import inner_weights
+from .config import SimulateConfig, SolverConfig
+from .masses import mass_schedule
+from .weights import initial_network
 
-_SQRT = re.compile(r"sqrt\(\s*([0-9.eE+-]+)\s*\)")
+#: A run of more steps, or with more samples, is a slip of the pen.
+MAX_STEPS = 1e8
 
 
 @dataclass(frozen=True)
@@ -50,9 +52,27 @@ def build(cfg: SimulateConfig) -> Experiment:
         raise ConfigError(f"output.sample_dt = {cfg.output.sample_dt}: must be finite and > 0")
     scenario = build_scenario(cfg)
     controller = build_controller(cfg)
+    _check_unused(cfg)
     loop = ClosedLoop(TwoLinkArm(cfg.plant.gravity), controller)
     solver = build_solver(cfg.solver)
+    if scenario.end / solver.dt > MAX_STEPS or scenario.end / cfg.output.sample_dt > MAX_STEPS:
+        raise ConfigError(
+            f"horizon = {scenario.end:g} s in steps of {solver.dt:g} s, sampled every "
+            f"{cfg.output.sample_dt:g} s: more than {MAX_STEPS:.0e} steps or samples"
+        )
     return Experiment(loop, scenario, solver, initial_network(cfg, controller))
+
+
+def _check_unused(cfg: SimulateConfig) -> None:
+    """Check the settings that the chosen controller, keys and solver do not use, too."""
+    everything = dataclasses.replace(
+        cfg,
+        controller=dataclasses.replace(cfg.controller, attention="reallocating"),
+        keys=dataclasses.replace(cfg.keys, name="state"),
+    )
+    build_controller(everything)
+    _key_rule(cfg)
+    build_solver(dataclasses.replace(cfg.solver, name="dopri5"))
 
 
 def build_scenario(cfg: SimulateConfig) -> Scenario:
@@ -93,43 +113,6 @@ def build_scenario(cfg: SimulateConfig) -> Scenario:
 
 def _column(values: list[float]) -> torch.Tensor:
     return torch.tensor(list(values), dtype=torch.float64)
-
-
-def mass_schedule(
-    scenario: ScenarioConfig, masses: list[float], horizon: float
-) -> tuple[list[float], list[list[float]]]:
-    """Jump times [s] and mass rows [kg] of a scenario, up to its horizon."""
-    if scenario.mass_growth is not None:
-        if scenario.mass_jumps:
-            raise ConfigError("scenario: give mass_jumps or mass_growth, not both")
-        growth = scenario.mass_growth
-        if not (growth.increment > 0 and growth.period > 0 and math.isfinite(growth.increment)):
-            raise ConfigError("scenario.mass_growth: increment and period must be > 0")
-        count = math.ceil(horizon / growth.period) - 1
-        times = [growth.period * (n + 1) for n in range(count)]
-        return times, growing_square(masses, growth.increment, count)
-    times, factors = [], []
-    for jump in scenario.mass_jumps:
-        if (not isinstance(jump, list | tuple) and not hasattr(jump, "__len__")) or len(jump) != 2:
-            raise ConfigError(f"scenario.mass_jumps: '{jump}' is not [time, factor]")
-        times.append(_number(jump[0], "time"))
-        factors.append(_number(jump[1], "factor"))
-    if any(factor <= 0 for factor in factors):
-        raise ConfigError(f"scenario.mass_jumps: factors {factors} must be > 0")
-    return times, multiplied(masses, factors)
-
-
-def _number(value: Any, what: str) -> float:
-    match = _SQRT.fullmatch(value.strip()) if isinstance(value, str) else None
-    try:
-        number = math.sqrt(float(match.group(1))) if match else float(value)
-    except (TypeError, ValueError):
-        raise ConfigError(
-            f"scenario.mass_jumps: {what} '{value}' is neither a number nor sqrt(number)"
-        ) from None
-    if not math.isfinite(number):
-        raise ConfigError(f"scenario.mass_jumps: {what} {value} must be finite")
-    return number
 
 
 def build_controller(cfg: SimulateConfig) -> MannController:
@@ -206,25 +189,3 @@ def build_solver(cfg: SolverConfig) -> Solver:
         )
     inner = None if cfg.max_step is None else min(cfg.max_step, cfg.dt)
     return Odeint(cfg.name, cfg.dt, cfg.rtol, cfg.atol, inner, compile=cfg.compile)
-
-
-def initial_network(
-    cfg: SimulateConfig | ReproduceConfig, controller: MannController
-) -> NetworkState:
-    """Initial weights of `draws` draws from number `initial.draw` on, (draws, *event)."""
-    first, network = cfg.initial.draw, controller.network
-    if first < 0:
-        raise ConfigError(f"initial.draw = {first}: must be >= 0")
-    if cfg.seed < 0:
-        raise ConfigError(f"seed = {cfg.seed}: must be >= 0")
-    if cfg.initial.weights_file is not None:
-        V, b_v = inner_weights(
-            cfg.initial.weights_file, network.n_inputs, network.n_hidden, first, cfg.draws
-        )
-        return network.from_inner_weights(V, b_v)
-    states = []
-    for draw in range(first, first + cfg.draws):
-        # A draw's weights depend on seed and number alone, not on how many are drawn.
-        generator = torch.Generator().manual_seed((cfg.seed << 20) + draw)
-        states.append(network.initial_state((), generator))
-    return NetworkState(*(torch.stack(leaf) for leaf in zip(*states, strict=True)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import os
 import re
 import shlex
 import sys
@@ -18,10 +19,11 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from mann_torch.errors import ConfigError, MannError
 
-from .config import CONF
+from .hydra_setup import CONF
 
 #: Exit code of a setting that cannot be used, and of a run that failed.
 BAD_INPUT, FAILED = 2, 1
@@ -37,18 +39,20 @@ def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[An
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name=config_name)
     if not any(a.split("=")[0] in _PASS_THROUGH for a in arguments):
         try:
-            for overrides in _jobs(arguments):
+            jobs = list(_jobs(arguments))
+            for overrides in jobs:
                 cfg = compose_job(config_name, overrides)
                 check(cfg)
                 _check_run_dir(cfg)
-        except ConfigError as error:
+            _check_sweep(arguments, jobs)
+        except Exception as error:  # whatever a setting breaks, it is one line and no folder
             fail(error, BAD_INPUT)
     entry(_guarded(task))()
 
 
 def fail(error: Exception, code: int) -> None:
     """One line on stderr, then exit."""
-    print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+    print(f"error: {_one_line(error)}", file=sys.stderr)
     sys.exit(code)
 
 
@@ -76,6 +80,7 @@ def command_line(module: str) -> str:
 def _guarded(task: Callable[[Any], None]) -> Callable[[Any], None]:
     def guarded(cfg: Any) -> None:
         try:
+            _refuse_finished_run(Path(HydraConfig.get().runtime.output_dir))
             task(cfg)
         except ConfigError as error:
             fail(error, BAD_INPUT)
@@ -87,7 +92,7 @@ def _guarded(task: Callable[[Any], None]) -> Callable[[Any], None]:
 
 def _jobs(arguments: list[str]) -> Iterator[list[str]]:
     """The override lists of all jobs: one, or the product of a multirun's choices."""
-    multirun = any(a in ("-m", "--multirun") for a in arguments)
+    multirun = _is_multirun(arguments)
     texts, skip = [], False
     for argument in arguments:
         if skip or argument.startswith("-"):
@@ -100,8 +105,6 @@ def _jobs(arguments: list[str]) -> Iterator[list[str]]:
         raise ConfigError(_one_line(error)) from None
     choices: list[list[str]] = []
     for override, text in zip(parsed, texts, strict=True):
-        if str(override.key_or_group).startswith("hydra"):
-            continue
         if multirun and override.is_sweep_override():
             key = override.get_key_element()
             choices.append([f"{key}={value}" for value in override.sweep_string_iterator()])
@@ -145,10 +148,31 @@ def _check_run_dir(cfg: Any) -> None:
     if cfg.run_dir is None:
         return
     folder = Path(cfg.run_dir)
-    if folder.exists() and not folder.is_dir():
-        raise ConfigError(f"run_dir = {folder}: is a file")
+    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not existing.is_dir() or not os.access(existing, os.W_OK):
+        raise ConfigError(f"run_dir = {folder}: {existing} is not a folder one can write to")
+    _refuse_finished_run(folder)
+
+
+def _check_sweep(arguments: list[str], jobs: list[list[str]]) -> None:
+    """A sweep writes into numbered folders of one `run_dir`, none of which may hold a run."""
+    if not _is_multirun(arguments):
+        return
+    folders = {o.partition("=")[2] for job in jobs for o in job if o.startswith("run_dir=")}
+    if len(folders) > 1:
+        raise ConfigError("run_dir: a sweep has one; its jobs go into numbered folders there")
+    for folder in folders:
+        for number in range(len(jobs)):
+            _refuse_finished_run(Path(folder) / str(number))
+
+
+def _refuse_finished_run(folder: Path) -> None:
     if (folder / "metrics.json").exists():
         raise ConfigError(f"run_dir = {folder}: already holds a run; name another folder")
+
+
+def _is_multirun(arguments: list[str]) -> bool:
+    return any(a in ("-m", "--multirun") for a in arguments)
 
 
 def _one_line(error: Exception) -> str:
@@ -163,7 +187,9 @@ def _one_line(error: Exception) -> str:
         return f"unknown {group} '{name}'; choose from {names}"
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     cause = error.__cause__
-    first = lines[0] if lines else type(error).__name__
+    first = lines[0] if lines else ""
+    if not isinstance(error, MannError | HydraException | OmegaConfBaseException):
+        first = f"{type(error).__name__}: {first}"
     if cause is not None and str(cause).strip():
         first = f"{first} ({str(cause).strip().splitlines()[0]})"
     return first

@@ -1,19 +1,11 @@
-"""Schemas of the configuration files, and Hydra's name resolvers."""
+"""Schemas of the configuration files."""
 
 from __future__ import annotations
 
-import datetime
-import os
-import secrets
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
-from hydra.core.config_store import ConfigStore
-from omegaconf import MISSING, OmegaConf
-
-# conf/ in a checkout, mann_torch/conf in an installed wheel: beside this package in both.
-CONF = Path(__file__).resolve().parent.parent / "conf"
+from omegaconf import MISSING
 
 
 @dataclass
@@ -168,80 +160,9 @@ class ReproduceConfig:
     variants: dict[str, list[str]] = field(default_factory=dict)
     tables: dict[str, TableConfig] = field(default_factory=dict)
     figures: dict[str, FigureConfig] = field(default_factory=dict)
-    claims: bool = True
+    claims: bool = False
     horizon: float | None = None  # [s], cuts every scenario short; for trials
     draws: int = 3
     seed: int = 0
     workers: int = 2
     run_dir: str | None = None
-
-
-def _stamp() -> str:
-    now = datetime.datetime.now().strftime("%Y%m%d-%H%M%S-%f")
-    return f"{now}-{os.getpid()}{secrets.token_hex(2)}"
-
-
-def _run_folder(run_dir: str | None, task: str) -> str:
-    return run_dir or f"logs/{task}/{_stamp()}"
-
-
-def _sweep_folder(run_dir: str | None, task: str) -> str:
-    return run_dir or f"logs/{task}/multirun-{_stamp()}"
-
-
-def group_names(group: str) -> list[str]:
-    """The names a configuration group offers."""
-    return sorted(path.stem for path in (CONF / group).glob("*.yaml"))
-
-
-def _group_lines(groups: tuple[str, ...]) -> list[str]:
-    return [f"  {group:<11}{', '.join(group_names(group))}" for group in groups]
-
-
-def _simulate_help() -> str:
-    return "\n".join(
-        [
-            "Simulate one scenario under one controller: SRMSE, figures, TensorBoard, arrays.",
-            "",
-            *_group_lines(("scenario", "controller", "keys", "solver", "plant")),
-            "",
-            "  example    python -m experiments.simulate scenario=5 controller=soft draws=3",
-            "  sweep      python -m experiments.simulate -m scenario=1,4 controller=nn,soft",
-            "",
-            "Settings, each as NAME=VALUE:",
-            "",
-            "$CONFIG",
-        ]
-    )
-
-
-def _reproduce_help() -> str:
-    return "\n".join(
-        [
-            "Reproduce the paper's tables, figures and claims.",
-            "",
-            *_group_lines(("experiment", "solver")),
-            "",
-            "  one table  python -m experiments.reproduce experiment=[table_1]",
-            "  golden     python -m experiments.reproduce"
-            " initial.weights_file=tests/golden/initial_weights.npz",
-            "",
-            "Settings, each as NAME=VALUE:",
-            "",
-            "$CONFIG",
-        ]
-    )
-
-
-def register() -> None:
-    """Put schemas and resolvers in Hydra's stores; safe to call again."""
-    OmegaConf.register_new_resolver("run_folder", _run_folder, replace=True, use_cache=True)
-    OmegaConf.register_new_resolver("sweep_folder", _sweep_folder, replace=True, use_cache=True)
-    OmegaConf.register_new_resolver("simulate_help", _simulate_help, replace=True)
-    OmegaConf.register_new_resolver("reproduce_help", _reproduce_help, replace=True)
-    store = ConfigStore.instance()
-    store.store(name="base_simulate", node=SimulateConfig)
-    store.store(name="base_reproduce", node=ReproduceConfig)
-
-
-register()

@@ -6,8 +6,10 @@ import dataclasses
 import functools
 import multiprocessing
 import os
+import signal
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from queue import Empty
 from typing import Any, cast
@@ -17,6 +19,7 @@ import torch
 from omegaconf import OmegaConf
 
 from mann_torch import Scenario, rollout
+from mann_torch.errors import SolverError
 from mann_torch.functional import as_float64
 from mann_torch.simulation.step_grid import StepGrid
 from mann_torch.types import NetworkState
@@ -159,19 +162,32 @@ def run_jobs(cfg: ReproduceConfig, jobs: list[Job]) -> Iterator[JobResult]:
         context = multiprocessing.get_context("spawn")
         with context.Manager() as manager:
             steps = manager.Queue()
-            with ProcessPoolExecutor(cfg.workers, mp_context=context) as pool:
+            pool = ProcessPoolExecutor(cfg.workers, mp_context=context, initializer=_start_worker)
+            try:
                 waiting = {pool.submit(_worker, cfg, job, steps) for job in jobs}
                 while waiting:
                     _drain(steps, bar.update)
                     done = {future for future in waiting if future.done()}
                     waiting -= done
-                    for future in as_completed(done):
+                    for future in done:
                         yield future.result()
+            except BrokenProcessPool:
+                raise SolverError("a worker process died (out of memory?): try workers=1") from None
+            finally:
+                # On an error or Ctrl-C nobody waits for the jobs still queued or running.
+                workers = list((pool._processes or {}).values()) if waiting else []
+                pool.shutdown(wait=not waiting, cancel_futures=True)
+                for worker in workers:
+                    worker.terminate()
+
+
+def _start_worker() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent alone answers Ctrl-C
+    # Compile in this process: the other core is busy with the other worker.
+    os.environ["TORCHINDUCTOR_COMPILE_THREADS"] = "1"
 
 
 def _worker(cfg: ReproduceConfig, job: Job, steps: Any) -> JobResult:
-    # Compile in this process: the other core is busy with the other worker.
-    os.environ["TORCHINDUCTOR_COMPILE_THREADS"] = "1"
     pending = 0
 
     def progress(count: int) -> None:

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 
 from mann_torch.errors import ConfigError
 
-from .claims import CLAIM_RUNS
-from .config import ReproduceConfig, group_names
+from .claims import CLAIM_RUNS, OURS
+from .config import ReproduceConfig
+from .hydra_setup import group_names
 
 METRICS = ("srmse", "srmse_after_10s")
 PANELS = ("joint_angles", "features_and_read", "attention_timeline")
@@ -30,9 +31,16 @@ def plan(cfg: ReproduceConfig, golden_runs: list[tuple[str, str]]) -> list[Job]:
     for name, table in cfg.tables.items():
         _known(table.metric, METRICS, f"tables.{name}.metric")
         labels = {row.label for row in table.rows}
+        pairs = {"reduction": table.reduction, "paper_reduction": table.paper_reduction}
+        pairs |= {f"rows ({row.label}).paper": row.paper for row in table.rows}
+        for key, pair in pairs.items():
+            if pair is not None and len(pair) != 2:
+                raise ConfigError(f"tables.{name}.{key} = {list(pair)}: give two")
         for label in table.reduction or []:
             _known(label, tuple(labels), f"tables.{name}.reduction")
-        runs |= {(row.scenario or table.scenario, row.variant) for row in table.rows}
+        for row in table.rows:
+            scenario = row.scenario or table.scenario
+            runs |= {(scenario, row.variant), (scenario, OURS)}
     for name, figure in cfg.figures.items():
         for panel in figure.panels:
             _known(panel, PANELS, f"figures.{name}.panels")

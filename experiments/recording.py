@@ -79,17 +79,27 @@ def log_run(
         for tag, values in _curves(arrays):
             for step, value in zip(steps, values[::stride].tolist(), strict=True):
                 writer.add_scalar(tag, value, step)
-        for name, figure in figures.items():
-            writer.add_figure(name, figure, close=False)
         results = {
             f"metrics/srmse_{joint + 1}": float(np.mean([row[joint] for row in metrics["srmse"]]))
             for joint in range(2)
         }
-        # add_hparams would open a second run named by the time of day.
-        for summary in hparams(_flat(asdict(cfg)), results):
-            writer._get_file_writer().add_summary(summary)
-        for tag, value in results.items():
-            writer.add_scalar(tag, value)
+        log_summary(writer, _flat(asdict(cfg)), results, figures)
+
+
+def log_summary(
+    writer: SummaryWriter,
+    settings: Mapping[str, Any],
+    results: Mapping[str, float],
+    figures: Mapping[str, Figure],
+) -> None:
+    """Figures, results as scalars, and the settings (flat) with them as hparams."""
+    for name, figure in figures.items():
+        writer.add_figure(name, figure, close=False)
+    # add_hparams would open a second run named by the time of day.
+    for summary in hparams(dict(settings), dict(results)):
+        writer._get_file_writer().add_summary(summary)
+    for tag, value in results.items():
+        writer.add_scalar(tag, value)
 
 
 def _curves(arrays: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:

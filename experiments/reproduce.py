@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 from hydra.core.hydra_config import HydraConfig
+from matplotlib.figure import Figure
 from omegaconf import OmegaConf
 from torch.utils.tensorboard import SummaryWriter
 
 from mann_torch.errors import ConfigError
+from mann_torch.simulation.compiling import cpp_compiler
 
 from . import figures as pictures
 from . import golden as gold
@@ -23,9 +25,10 @@ from .cli import FAILED, command_line, reject_unknown, run_cli
 from .config import ReproduceConfig
 from .jobs import batched, run_jobs
 from .plan import Job, judges_claims, plan
+from .recording import log_summary
 from .results import Results
 from .tables import Cell, aligned
-from .writing import write_arrays, write_json, write_text
+from .writing import csv_text, write_arrays, write_json, write_text
 
 
 def main() -> None:
@@ -53,6 +56,11 @@ def _task(cfg: Any) -> None:
     folder = Path(HydraConfig.get().runtime.output_dir)
     command = command_line("experiments.reproduce")
     write_text(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
+    if plain.solver.compile and cpp_compiler() is None:
+        print("no C++ compiler found: using eager PyTorch, several times slower", file=sys.stderr)
+        plain = replace(plain, solver=replace(plain.solver, compile=False))
+    elif plain.solver.compile:
+        print("compiling steps: up to a minute before the first progress", file=sys.stderr)
     start = time.perf_counter()
     done = []
     for result in run_jobs(plain, jobs):
@@ -89,7 +97,11 @@ def _task(cfg: Any) -> None:
     report = "\n\n".join(sections) + "\n"
     linked = "".join(f"\n![{name}](figures/{name}.png)\n" for name in drawn)
     write_text(folder / "report.md", report + linked)
-    write_text(folder / "tables.csv", tables.csv_rows(all_cells))
+    write_text(folder / "tables.csv", csv_text(tables.cell_rows(all_cells)))
+    write_text(folder / "reductions.csv", csv_text(tables.reduction_rows(plain.tables, results)))
+    claim_rows = [["claim", "reproduced", "measure"]]
+    claim_rows += [[f.claim, "yes" if f.reproduced else "no", f.measure] for f in found]
+    write_text(folder / "claims.csv", csv_text(claim_rows))
     write_json(
         folder / "metrics.json",
         {
@@ -103,9 +115,15 @@ def _task(cfg: Any) -> None:
             "diverged": diverged,
         },
     )
-    _log(folder, all_cells)
+    settings = {"draws": plain.draws, "seed": plain.seed, "solver": plain.solver.name}
+    settings |= {"dt": plain.solver.dt}
+    scalars = {
+        f"{c.metric}/scenario_{c.scenario}/{c.variant}/joint_{c.joint}": c.mean for c in all_cells
+    }
+    with SummaryWriter(str(folder)) as writer:
+        log_summary(writer, settings, scalars, drawn)
     print(report)
-    print(f"written to {folder}: report.md, tables.csv, metrics.json, figures/, runs/", flush=True)
+    print(f"written to {folder}: report.md, *.csv, metrics.json, figures/, runs/", flush=True)
     if any(not check.passed for check in checks):
         print("error: golden numbers are off, see the report", file=sys.stderr)
         sys.exit(FAILED)
@@ -135,42 +153,35 @@ def _claims(found: list[Finding]) -> str:
     return head + "the paired 95 % interval, in %, joint 1 / joint 2.\n\n" + aligned(body)
 
 
-def _draw(cfg: ReproduceConfig, results: Results, all_cells: list[Cell], folder: Path) -> list[str]:
+def _draw(
+    cfg: ReproduceConfig, results: Results, all_cells: list[Cell], folder: Path
+) -> dict[str, Figure]:
     panels = {
         "joint_angles": pictures.joint_angles,
         "features_and_read": pictures.features_and_read,
         "attention_timeline": pictures.attention_timeline,
     }
-    drawn = []
+    drawn: dict[str, Figure] = {}
     for name, figure in cfg.figures.items():
         runs = {
             variant: pictures.one_draw(results.signals(figure.scenario, variant), 0)
             for variant in figure.variants
         }
         for panel in figure.panels:
-            drawn.append(f"{name}_{panel}")
-            path = folder / "figures" / f"{drawn[-1]}.png"
-            pictures.save(panels[panel](runs, figure.title), path)
+            drawn[f"{name}_{panel}"] = panels[panel](runs, figure.title)
     rows = [
         (f"{c.table.split(':')[0]}, {c.label}, joint {c.joint}", c.paper, c.mean, c.sd)
         for c in tables.published(all_cells)
         if c.paper is not None
     ]
     if rows:
-        drawn.append("against_paper")
-        picture = pictures.against_paper(
+        drawn["against_paper"] = pictures.against_paper(
             [(label, paper, mean, 0.0 if np.isnan(sd) else sd) for label, paper, mean, sd in rows],
             "SRMSE against the published figures",
         )
-        pictures.save(picture, folder / "figures" / "against_paper.png")
+    for name, picture in drawn.items():
+        pictures.save(picture, folder / "figures" / f"{name}.png")
     return drawn
-
-
-def _log(folder: Path, all_cells: list[Cell]) -> None:
-    with SummaryWriter(str(folder)) as writer:
-        for cell in all_cells:
-            tag = f"{cell.metric}/scenario_{cell.scenario}/{cell.variant}/joint_{cell.joint}"
-            writer.add_scalar(tag, cell.mean)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Files of initial inner weights in the golden format."""
+"""Initial weights: random draws, or a file in the golden format."""
 
 from __future__ import annotations
 
@@ -10,7 +10,31 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from mann_torch.errors import WeightsFileError
+from mann_torch import MannController
+from mann_torch.errors import ConfigError, WeightsFileError
+from mann_torch.types import NetworkState
+
+from .config import SimulateConfig
+
+
+def initial_network(cfg: SimulateConfig, controller: MannController) -> NetworkState:
+    """Initial weights of `draws` draws from number `initial.draw` on, (draws, *event)."""
+    first, network = cfg.initial.draw, controller.network
+    if not 0 <= first <= first + cfg.draws < 1 << 20:
+        raise ConfigError(f"initial.draw = {first}, draws = {cfg.draws}: must be >= 0 and < 2^20")
+    if not 0 <= cfg.seed < 1 << 32:
+        raise ConfigError(f"seed = {cfg.seed}: must be >= 0 and < 2^32")
+    if cfg.initial.weights_file is not None:
+        V, b_v = inner_weights(
+            cfg.initial.weights_file, network.n_inputs, network.n_hidden, first, cfg.draws
+        )
+        return network.from_inner_weights(V, b_v)
+    states = []
+    for draw in range(first, first + cfg.draws):
+        # A draw's weights depend on seed and number alone, not on how many are drawn.
+        generator = torch.Generator().manual_seed((cfg.seed << 20) + draw)
+        states.append(network.initial_state((), generator))
+    return NetworkState(*(torch.stack(leaf) for leaf in zip(*states, strict=True)))
 
 
 def inner_weights(

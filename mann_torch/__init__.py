@@ -1,7 +1,15 @@
 """Differentiable adaptive controllers with working memory."""
 
 from .control import Controller, MannController, equal_parameter_hidden
-from .errors import ConfigError, DomainError, MannError, ShapeError, SolverError, WeightsFileError
+from .errors import (
+    ConfigError,
+    DomainError,
+    DtypeError,
+    MannError,
+    ShapeError,
+    SolverError,
+    WeightsFileError,
+)
 from .memory import (
     Attention,
     HardAttention,
@@ -23,8 +31,10 @@ from .simulation import (
     Solver,
     Status,
     Trajectory,
+    observe,
     rollout,
 )
+from .types import NetworkState, PlantState
 
 __all__ = [
     "ArmParameters",
@@ -33,14 +43,17 @@ __all__ = [
     "ConfigError",
     "Controller",
     "DomainError",
+    "DtypeError",
     "HardAttention",
     "Implicit",
     "KeyRule",
     "MannController",
     "MannError",
+    "NetworkState",
     "Odeint",
     "PiecewiseConstant",
     "Plant",
+    "PlantState",
     "ReallocatingAttention",
     "Reference",
     "RepresentationKeys",
@@ -58,6 +71,7 @@ __all__ = [
     "WorkingMemory",
     "arm_parameters",
     "equal_parameter_hidden",
+    "observe",
     "reallocations",
     "rollout",
     "srmse",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from typing import cast
+from typing import Any, cast
 
 import torch
 from torch import Tensor, nn
@@ -31,6 +31,10 @@ class Domain(ABC):
     def coerce(self, value: Tensor, event_shape: torch.Size) -> Tensor:
         """Write a short form of a value out in full; the plain domains have none."""
         return value
+
+    def project_gradient(self, gradient: Tensor) -> Tensor:
+        """The part of a gradient along which a value may move."""
+        return gradient
 
     def check(self, name: str, value: Tensor) -> Tensor:
         """Return `value`, or raise `DomainError` naming the constant and its domain."""
@@ -69,6 +73,10 @@ class SymmetricPositiveDefinite(Domain):
         if value.dim() == 0:
             return value * torch.eye(event_shape[-1], dtype=value.dtype)
         return torch.diag_embed(value) if value.shape == event_shape[-1:] else value
+
+    def project_gradient(self, gradient: Tensor) -> Tensor:
+        """The symmetric part, so that an optimizer's step keeps the matrix symmetric."""
+        return 0.5 * (gradient + gradient.mT)
 
     def contains(self, value: Tensor) -> bool:
         if not torch.allclose(value, value.mT, rtol=1e-12, atol=1e-12):
@@ -128,6 +136,7 @@ class DesignModule(nn.Module):
     def initialize(self, **values: Numbers) -> None:
         """Set constants by name, all or none. A leading batch shape gives each sample its own.
 
+        New `nn.Parameter`s replace the old ones: set values before `tune` and an optimizer.
         Raises `ConfigError` for an unknown name, `DomainError` for a value outside the domain and
         `ShapeError` for a matrix-valued constant of the wrong size.
         """
@@ -143,10 +152,40 @@ class DesignModule(nn.Module):
             owner.register_parameter(name, nn.Parameter(new, requires_grad=grad))
 
     def tune(self, *names: str) -> list[nn.Parameter]:
-        """Let gradients reach exactly the named constants; freeze all others. Returns them."""
+        """Let gradients reach exactly the named constants; freeze all others. Returns them.
+
+        `shift_threshold` enters only through a comparison: its gradient is None, or 0.
+        """
         chosen: list[nn.Parameter] = [self.constant(name) for name in names]
         for parameter in self.constants().values():
             parameter.requires_grad_(False)
         for parameter in chosen:
             parameter.requires_grad_(True)
+        for name, parameter in zip(names, chosen, strict=True):
+            parameter.register_hook(self.domain(name).project_gradient)
         return chosen
+
+    def check(self) -> None:
+        """Raise `DomainError` if a constant has left its domain, by an optimizer's step, say."""
+        for name, owner in self._owners():
+            owner._domains[name].check(name, self.constant(name).detach())
+
+    def batch_shape(self) -> torch.Size:
+        """Batch shape of all constants together. Raises `ShapeError` if they do not broadcast."""
+        shapes = {
+            name: self.constant(name).shape[: -owner._domains[name].event_dims or None]
+            for name, owner in self._owners()
+        }
+        try:
+            return torch.broadcast_shapes(*shapes.values())
+        except RuntimeError:
+            batched = ", ".join(f"{name} {tuple(s)}" for name, s in shapes.items() if s)
+            raise ShapeError(f"batch shapes of constants do not broadcast: {batched}") from None
+
+    def _load_from_state_dict(
+        self, state_dict: dict[str, Any], prefix: str, *arguments: Any
+    ) -> None:
+        # A saved constant may have another batch shape than ours, and must be in its domain.
+        saved = {n: state_dict[prefix + n] for n in self._domains if prefix + n in state_dict}
+        self.initialize(**saved)
+        super()._load_from_state_dict(state_dict, prefix, *arguments)

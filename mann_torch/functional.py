@@ -7,13 +7,15 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from .errors import DtypeError
+from .errors import ConfigError, DtypeError
 
 Numbers = float | Sequence[float] | Sequence[Sequence[float]] | Tensor
 
 
 def as_float64(value: Numbers, what: str = "value") -> Tensor:
-    """Return `value` as a float64 tensor; a tensor of another dtype raises `DtypeError`.
+    """Return `value` as a float64 tensor.
+
+    Raises `DtypeError` for a tensor of another dtype, `ConfigError` for what is no number.
 
     A tensor that requires grad is passed through, so that gradients reach it.
     """
@@ -24,7 +26,10 @@ def as_float64(value: Numbers, what: str = "value") -> Tensor:
                 "(float32 time has steps of 3e-5 s at t = 329 s): convert it with .double()"
             )
         return value
-    return torch.tensor(value, dtype=torch.float64)
+    try:
+        return torch.tensor(value, dtype=torch.float64)
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{what} = {value!r} is not made of numbers in rows: {error}") from None
 
 
 def row_times(x: Tensor, A: Tensor) -> Tensor:

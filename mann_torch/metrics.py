@@ -13,7 +13,7 @@ def srmse(trajectory: Trajectory, after: float | None = None) -> Tensor:
 
     The mean over the step times up to each sample's horizon, or, with `after` [s], over those
     later than that. Steps of unequal length count by their length. NaN for a sample that
-    diverged. The paper's tables print 10^3 times this.
+    diverged, or whose horizon is not later than `after`. The paper's tables print 10^3 times this.
     """
     t, horizon = trajectory.t, trajectory.horizon
     steps = torch.diff(t)
@@ -23,9 +23,10 @@ def srmse(trajectory: Trajectory, after: float | None = None) -> Tensor:
     if after is not None:
         counted = counted & (column > after)
     weights = weights.reshape(column.shape) * counted
+    length = weights.sum(dim=0).unsqueeze(-1)
+    ok = (trajectory.status == int(Status.OK)).unsqueeze(-1) & (length > 0)
     total = (weights.unsqueeze(-1) * trajectory.error.square()).sum(dim=0)
-    mean = total / weights.sum(dim=0).unsqueeze(-1)
-    ok = (trajectory.status == int(Status.OK)).unsqueeze(-1)
+    mean = total / torch.where(ok, length, 1.0)
     return torch.where(ok, torch.where(ok, mean, 1.0).sqrt(), torch.nan)
 
 

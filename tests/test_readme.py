@@ -5,6 +5,7 @@ import io
 import re
 from pathlib import Path
 
+from experiments import tables
 from experiments.config import ConstantsConfig
 
 README = (Path(__file__).parent.parent / "README.md").read_text()
@@ -26,6 +27,15 @@ def test_the_symbol_table_names_every_constant() -> None:
 
 
 def test_the_readme_has_the_result_and_a_figure() -> None:
-    assert "within 10 %" in README
-    for picture in re.findall(r"!\[[^]]*\]\(([^)]+)\)", README):
-        assert (Path(__file__).parent.parent / picture).exists()
+    line = re.search(
+        r"(\d+) of the paper's 46 figures come out within 10 %, (\d+) within 5", README
+    )
+    assert line is not None
+    assert int(line[1]) >= tables.TARGET[0] and int(line[2]) >= tables.TARGET[1]
+    shown = re.findall(r"\(([+-][\d.]+) %\)", README)
+    assert len(shown) == 46
+    assert sum(abs(float(x)) <= 10.0 for x in shown) == int(line[1])
+    assert sum(abs(float(x)) <= 5.0 for x in shown) == int(line[2])
+    pictures = re.findall(r"!\[[^]]*\]\(([^)]+)\)", README)
+    assert pictures
+    assert all((Path(__file__).parent.parent / picture).exists() for picture in pictures)

@@ -57,6 +57,10 @@ class Controller(DesignModule):
     ) -> tuple[ControllerState, Mode]:
         """Discrete decisions at one instant: the state after them, and the new mode."""
 
+    def check_network(self, network: NetworkState) -> None:
+        """Raise a `ConfigError` if these initial weights do not fit this controller."""
+        return None
+
     def torque_gains(self, output: ControlOutput, state: ControllerState) -> TorqueGains:
         """-d tau/dq and -d tau/d(qd) (..., n, n), which the implicit solver treats implicitly.
 

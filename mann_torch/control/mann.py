@@ -79,6 +79,10 @@ class MannController(Controller):
         """Adaptive weights at t = 0: random with a generator, else the stored draw."""
         return self.network.initial_state(batch_shape, generator)
 
+    def check_network(self, network: NetworkState) -> None:
+        """Raise `ShapeError`, `DtypeError` or `ConfigError` for weights that do not fit."""
+        self.network.check_state(network)
+
     def initial_state(
         self, reference: ReferenceSample, measurement: Measurement, network: NetworkState
     ) -> tuple[ControllerState, MemoryMode | None]:

@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from ..constraints import DesignModule, NonNegative
-from ..errors import ConfigError
-from ..functional import Numbers, outer, row_times
+from ..errors import ConfigError, ShapeError
+from ..functional import Numbers, as_float64, outer, row_times
 from ..types import Features, NetworkState
 
 
@@ -73,6 +73,21 @@ class AdaptiveNetwork(DesignModule):
             return self._draw(batch_shape, generator)
         V = self.initial_V.expand(*batch_shape, -1, -1)
         return self.from_inner_weights(V, self.initial_b_v.expand(*batch_shape, -1))
+
+    def check_state(self, state: NetworkState) -> None:
+        """Raise for weights of the wrong shape, of a dtype but float64, or not finite."""
+        n_inputs, n_hidden, n_outputs = self.n_inputs, self.n_hidden, self.n_outputs
+        events = [(n_hidden, n_outputs), (n_outputs,), (n_inputs, n_hidden), (n_hidden,)]
+        for (name, leaf), event in zip(state._asdict().items(), events, strict=True):
+            if not isinstance(leaf, Tensor):
+                raise ConfigError(f"initial {name} is {type(leaf).__name__}, not a torch.Tensor")
+            as_float64(leaf, f"initial {name}")
+            if leaf.shape[-len(event) :] != event:
+                raise ShapeError(
+                    f"initial {name} has shape {tuple(leaf.shape)}, not (..., {event})"
+                )
+            if not bool(torch.isfinite(leaf).all()):
+                raise ConfigError(f"initial {name}: not all numbers are finite")
 
     def features(self, nn_input: Tensor, state: NetworkState) -> Features:
         """V' x~ + b_v, sigma of it, and sigma's slope, each (..., N), at x~ (..., I)."""

@@ -36,9 +36,9 @@ class WorkingMemory(DesignModule):
     write law's fixed point, or ``raw`` = sigma. `context_width` is the width of what state keys
     compare (the arm's n joint positions).
 
-    State goes in and comes out; nothing is kept between calls. The buffers `initial_mu` (S, N)
-    and `initial_keys` (S, D) hold contents to start from once `store_` has filled them; before
-    that every slot starts as c_w sigma at t = 0.
+    State goes in and comes out; nothing is kept between calls. The buffers `initial_mu` (S, N),
+    `initial_keys` (S, D) and `initial_active` (S,) hold what to start from once `store_` has filled
+    them; before that every slot starts as c_w sigma at t = 0.
 
     Raises `ConfigError` for fewer than one slot or neuron or an unknown reset.
     """
@@ -67,10 +67,12 @@ class WorkingMemory(DesignModule):
         self.declare("write_gain", write_gain, Positive())
         self.initial_mu: Tensor
         self.initial_keys: Tensor
+        self.initial_active: Tensor
         self.has_contents: Tensor
         width = self.key_rule.width(context_width)
         self.register_buffer("initial_mu", torch.zeros(n_slots, n_hidden, dtype=torch.float64))
         self.register_buffer("initial_keys", torch.zeros(n_slots, width, dtype=torch.float64))
+        self.register_buffer("initial_active", torch.ones(n_slots, dtype=torch.bool))
         self.register_buffer("has_contents", torch.tensor(False))
 
     def initial_state(self, hidden: Tensor, context: Tensor) -> MemoryState:
@@ -89,9 +91,11 @@ class WorkingMemory(DesignModule):
         return MemoryState(mu, keys)
 
     def initial_mode(self, batch_shape: Sequence[int]) -> MemoryMode:
-        """All slots active, or only the first where attention grows the set."""
+        """All slots active, or only the first where attention grows the set, or those stored."""
         active = torch.ones(*batch_shape, self.n_slots, dtype=torch.bool)
-        if not self.attention.starts_full:
+        if bool(self.has_contents):
+            active = active & self.initial_active
+        elif not self.attention.starts_full:
             active[..., 1:] = False
         count = torch.zeros(tuple(batch_shape), dtype=torch.int64)
         return MemoryMode(active, count - 1, count, count.clone())
@@ -148,8 +152,12 @@ class WorkingMemory(DesignModule):
         """|mu|_F (...,) over the active slots; a slot not yet in use holds nothing."""
         return frobenius(memory.mu * mode.active.unsqueeze(-1))
 
-    def store_(self, state: MemoryState) -> None:
-        """Keep one unbatched state, mu (S, N), as the contents to start from."""
+    def store_(self, state: MemoryState, active: Tensor | None = None) -> None:
+        """Keep one unbatched state, mu (S, N), as the contents to start from.
+
+        `active` (S,) bool says which slots are in use; all of them if not given. Raises
+        `ShapeError` for a batch.
+        """
         if state.mu.shape != self.initial_mu.shape or state.keys.shape != self.initial_keys.shape:
             raise ShapeError(
                 f"store_ takes one memory, mu {tuple(self.initial_mu.shape)} and keys "
@@ -158,6 +166,9 @@ class WorkingMemory(DesignModule):
             )
         self.initial_mu.copy_(state.mu.detach())
         self.initial_keys.copy_(state.keys.detach())
+        self.initial_active.copy_(
+            torch.ones_like(self.initial_active) if active is None else active
+        )
         self.has_contents.fill_(True)
 
     def _attend(

@@ -42,6 +42,17 @@ class Plant(nn.Module):
     def energy(self, state: PlantState, coefficients: Coefficients) -> Tensor:
         """Kinetic plus potential energy (...,) [J]."""
 
+    def load_slope(self, q: Tensor, qd: Tensor, coefficients: Coefficients) -> Tensor | None:
+        """dN_j/d(qd_j) (..., n) where friction is stiff [N m s/rad], None where there is none.
+
+        The implicit solver treats it implicitly; it may be approximate.
+        """
+        return None
+
+    def check(self, parameters: Parameters) -> None:
+        """Raise a `ConfigError` for parameters (or rows of a schedule) out of range."""
+        return None
+
     def measure(self, state: PlantState) -> Measurement:
         """What a controller sees of the state."""
         return Measurement(state.q, state.qd)
@@ -65,7 +76,9 @@ class Plant(nn.Module):
         )
         columns = [force.unsqueeze(-1)]
         if gains is not None:
-            columns += [gains.position, gains.rate]
+            slope = self.load_slope(q, qd, coefficients)
+            rate = gains.rate if slope is None else gains.rate + torch.diag_embed(slope)
+            columns += [gains.position, rate]
         solved = solve_small(self.mass_matrix(q, coefficients), torch.cat(columns, dim=-1))
         derivative = PlantState(qd, solved[..., 0])
         if gains is None:

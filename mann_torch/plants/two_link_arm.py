@@ -34,9 +34,14 @@ def arm_parameters(
     that are not finite and > 0 or friction that is not finite and >= 0.
     """
     given = {"masses": masses, "lengths": lengths, "viscous": viscous, "coulomb": coulomb}
-    checked = []
-    for name, value in given.items():
-        tensor = as_float64(value, name)
+    parameters = ArmParameters(*(as_float64(value, name) for name, value in given.items()))
+    check_parameters(parameters)
+    return parameters
+
+
+def check_parameters(parameters: ArmParameters) -> None:
+    """Raise as `arm_parameters` does; other leading dimensions, a schedule's rows, are allowed."""
+    for name, tensor in parameters._asdict().items():
         if tensor.dim() < 1 or tensor.shape[-1] != 2:
             raise ShapeError(f"{name} has shape {tuple(tensor.shape)}; give one number a link (2)")
         strict = name in ("masses", "lengths")
@@ -44,20 +49,18 @@ def arm_parameters(
         if not bool(ok.all()):
             bound = "> 0" if strict else ">= 0"
             raise DomainError(f"{name} = {tensor.tolist()}: must be finite and {bound}")
-        checked.append(tensor)
-    return ArmParameters(*checked)
 
 
 class ArmCoefficients(NamedTuple):
-    """The paper's abbreviations (...,) and the friction (..., 2)."""
+    """The paper's abbreviations (...,) and the friction (..., 2) where there is any."""
 
     phi: Tensor  # (m_1 + m_2) l_1^2 [kg m^2]
     rho: Tensor  # m_2 l_2^2 [kg m^2]
     psi: Tensor  # m_2 l_1 l_2 [kg m^2]
     phi_gamma: Tensor  # phi g / l_1 [N m]
     psi_gamma: Tensor  # psi g / l_1 [N m]
-    viscous: Tensor  # [N m s/rad]
-    coulomb: Tensor  # [N m]
+    viscous: Tensor | None  # [N m s/rad]; None without friction
+    coulomb: Tensor | None  # [N m]
 
 
 def _matrix(a: Tensor, b: Tensor, c: Tensor, d: Tensor) -> Tensor:
@@ -87,9 +90,15 @@ class TwoLinkArm(Plant):
         l_1, l_2 = parameters.lengths.unbind(-1)
         phi, rho, psi = (m_1 + m_2) * l_1 * l_1, m_2 * l_2 * l_2, m_2 * l_1 * l_2
         gamma = self.gravity / l_1
-        return ArmCoefficients(
-            phi, rho, psi, phi * gamma, psi * gamma, parameters.viscous, parameters.coulomb
-        )
+        friction = [
+            None if not value.requires_grad and not bool(value.any()) else value
+            for value in (parameters.viscous, parameters.coulomb)
+        ]
+        return ArmCoefficients(phi, rho, psi, phi * gamma, psi * gamma, *friction)
+
+    def check(self, parameters: ArmParameters) -> None:
+        """Raise `ShapeError` or `DomainError` as `arm_parameters` does."""
+        check_parameters(parameters)
 
     def mass_matrix(self, q: Tensor, coefficients: ArmCoefficients) -> Tensor:
         """M(q) (..., 2, 2) [kg m^2]."""
@@ -110,9 +119,21 @@ class TwoLinkArm(Plant):
         q_1, q_2 = q.unbind(-1)
         outer_link = coefficients.psi_gamma * torch.cos(q_1 + q_2)
         inner_link = coefficients.phi_gamma * torch.cos(q_1)
-        gravity = torch.stack([inner_link + outer_link, outer_link], dim=-1)
-        friction = torch.tanh(qd / self.coulomb_velocity) * coefficients.coulomb
-        return gravity + coefficients.viscous * qd + friction
+        load = torch.stack([inner_link + outer_link, outer_link], dim=-1)
+        if coefficients.viscous is not None:
+            load = load + coefficients.viscous * qd
+        if coefficients.coulomb is not None:
+            load = load + coefficients.coulomb * torch.tanh(qd / self.coulomb_velocity)
+        return load
+
+    def load_slope(self, q: Tensor, qd: Tensor, coefficients: ArmCoefficients) -> Tensor | None:
+        """Slope of the friction (..., 2) [N m s/rad]; None without friction."""
+        slope = coefficients.viscous
+        if coefficients.coulomb is not None:
+            bend = 1.0 - torch.tanh(qd / self.coulomb_velocity).square()
+            steep = coefficients.coulomb * bend / self.coulomb_velocity
+            slope = steep if slope is None else slope + steep
+        return slope
 
     def energy(self, state: PlantState, coefficients: ArmCoefficients) -> Tensor:
         """Kinetic plus potential energy (...,) [J]."""

@@ -55,6 +55,11 @@ class PiecewiseConstant:
         index = index[..., None, None].expand(*batch, 1, values.shape[-1])
         return values.gather(-2, index).squeeze(-2)
 
+    def expand(self, batch_shape: Sequence[int]) -> PiecewiseConstant:
+        """The same schedule with leading batch dimensions `batch_shape`."""
+        times = self.times.expand(*batch_shape, self.times.shape[-1])
+        return PiecewiseConstant(times, self.values.expand(*batch_shape, *self.values.shape[-2:]))
+
     @staticmethod
     def stack(schedules: Sequence[PiecewiseConstant]) -> PiecewiseConstant:
         """One schedule with a new leading batch dimension; shorter ones are padded."""

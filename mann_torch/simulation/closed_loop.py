@@ -26,24 +26,33 @@ class ClosedLoop(nn.Module):
     def initial_state(self, scenario: Scenario, network: NetworkState) -> tuple[LoopState, Mode]:
         """State (..., *event) and mode at t = 0, expanded to the common batch shape.
 
-        Raises `ShapeError` where scenario and weights do not broadcast or sizes do not fit.
+        Raises `ShapeError` where scenario, constants and weights do not broadcast or sizes do not
+        fit, `DomainError` for plant parameters or constants out of range.
         """
         n = self.plant.n_joints
-        if scenario.reference.n_joints != n or network.W.shape[-1] != n:
+        if scenario.reference.n_joints != n:
             raise ShapeError(
-                f"a plant of {n} joints got a reference of {scenario.reference.n_joints} and "
-                f"network outputs of {network.W.shape[-1]}"
+                f"a plant of {n} joints got a reference of {scenario.reference.n_joints}"
             )
-        events = NetworkState(2, 1, 2, 1)  # type: ignore[arg-type]
+        self.controller.check_network(network)
+        self.plant.check(scenario.parameters)
+        for name, schedule in scenario.schedule.items():
+            self.plant.check(scenario.parameters._replace(**{name: schedule.values}))
+        self.controller.check()
+        batches = [leaf.shape[:-k] for leaf, k in zip(network, (2, 1, 2, 1), strict=True)]
+        shapes = (scenario.batch_shape, self.controller.batch_shape(), *batches)
         try:
-            batch = torch.broadcast_shapes(
-                scenario.batch_shape,
-                *(leaf.shape[:-k] for leaf, k in zip(network, events)),  # noqa: B905
-            )
-        except RuntimeError as error:
-            raise ShapeError(f"scenario and initial weights do not broadcast: {error}") from None
+            batch = torch.broadcast_shapes(*shapes)
+        except RuntimeError:
+            raise ShapeError(
+                f"batch shapes of scenario {tuple(shapes[0])}, constants {tuple(shapes[1])} and "
+                f"initial weights {[tuple(shape) for shape in batches]} do not broadcast"
+            ) from None
         network = NetworkState(
-            *(leaf.expand(*batch, *leaf.shape[-k:]) for leaf, k in zip(network, events))  # noqa: B905
+            *(
+                leaf.expand(*batch, *leaf.shape[-k:])
+                for leaf, k in zip(network, (2, 1, 2, 1), strict=True)
+            )
         )
         start = map_tensors(lambda leaf: leaf.expand(*batch, n), scenario.start_state())
         t = torch.zeros((), dtype=torch.float64)

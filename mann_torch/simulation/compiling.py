@@ -3,22 +3,35 @@
 from __future__ import annotations
 
 import logging
+import os
+import shutil
 from collections.abc import Callable
 from typing import Any
 
 import torch
+import torch._dynamo
+from torch._dynamo.exc import TorchDynamoException
 
 log = logging.getLogger("mann_torch")
 
 
+def cpp_compiler() -> str | None:
+    """The C++ compiler that torch.compile would use on a CPU, or None."""
+    named = os.environ.get("CXX")
+    return next(filter(None, map(shutil.which, [named] if named else ["g++", "clang++"])), None)
+
+
 class CompiledOrEager:
-    """Calls `torch.compile(function)`; if that fails at the first call, `function` from then on.
+    """Calls `torch.compile(function)`; if compiling fails, `function` from then on.
 
     `engine` is ``compiled`` or ``eager``: what the last call used. The fallback is logged in one
     line, with the cause.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
+        # All rollouts of a process share one count of compiled shapes; 8 is too few for that.
+        limit = torch._dynamo.config.recompile_limit
+        torch._dynamo.config.recompile_limit = max(limit, 256)
         self._function = function
         self._compiled = torch.compile(function, fullgraph=True)
         self._proven = False
@@ -30,7 +43,7 @@ class CompiledOrEager:
         try:
             result = self._compiled(*args)
         except Exception as error:  # torch raises many kinds here, none of them documented
-            if self._proven:
+            if self._proven and not isinstance(error, TorchDynamoException):
                 raise
             cause = str(error).strip().splitlines()[0] if str(error).strip() else "no message"
             log.warning(

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import torch
 
+from ..errors import ConfigError, ShapeError
 from ..functional import as_float64
 from ..trees import Packer, map_tensors
 from ..types import NetworkState
@@ -42,9 +43,10 @@ def rollout(
         scenario: what to do, batched or not.
         solver: `Implicit(dt=5e-3)` if not given.
         network: initial adaptive weights, each leaf (..., *event). If not given: random with
-            `generator` for the scenario's batch and `batch_shape`, else the controller's own.
+            `generator`, one draw a sample, else the controller's own.
         generator: source of random initial weights.
-        batch_shape: extra leading batch shape of the initial weights.
+        batch_shape: batch shape of the initial weights; it must broadcast with those of the
+            scenario and of the controller's constants.
         sample_dt: interval [s] at which whole states are kept; joint motion is kept every step.
         sample_until: time [s] after which no whole states are kept.
         divergence_limit: a sample with a state entry beyond this, or NaN, is frozen there and
@@ -52,12 +54,17 @@ def rollout(
         progress: called with the number of steps done since the last call.
 
     Raises:
-        ConfigError: a setting is out of range. ShapeError: batch shapes do not broadcast.
+        ConfigError: a setting is out of range, DomainError if it is a constant or a parameter of
+            the plant. ShapeError: sizes do not fit or batch shapes do not broadcast.
     """
     solver = Implicit() if solver is None else solver
     grid = StepGrid(scenario.end, scenario.knots(), solver.dt)
+    if not divergence_limit > 0:
+        raise ConfigError(f"divergence_limit = {divergence_limit}: must be > 0")
+    if network is not None and (generator is not None or batch_shape != ()):
+        raise ConfigError("give initial weights as `network`, or generator and batch_shape")
     if network is None:
-        shape = torch.broadcast_shapes(scenario.batch_shape, tuple(batch_shape))
+        shape = _common_shape(loop, scenario, batch_shape)
         network = loop.controller.initial_network(shape, generator)
     state, mode = loop.initial_state(scenario, network)
     batch = state.plant.q.shape[:-1]
@@ -117,3 +124,14 @@ def rollout(
         solver=solver.name,
         engine=stepper.engine,
     )
+
+
+def _common_shape(loop: ClosedLoop, scenario: Scenario, extra: Sequence[int]) -> torch.Size:
+    shapes = (scenario.batch_shape, loop.controller.batch_shape(), extra)
+    try:
+        return torch.broadcast_shapes(*(tuple(shape) for shape in shapes))
+    except (RuntimeError, TypeError):
+        raise ShapeError(
+            f"batch shapes of scenario {tuple(shapes[0])}, constants {tuple(shapes[1])} and "
+            f"batch_shape = {extra} do not broadcast"
+        ) from None

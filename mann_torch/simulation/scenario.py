@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor
@@ -14,6 +14,10 @@ from ..plants.plant import Parameters
 from ..signals import PiecewiseConstant, Reference
 from ..trees import leaves, map_tensors
 from ..types import PlantState
+
+
+def _expand(leaf: Tensor, batch: torch.Size, event_dims: int) -> Tensor:
+    return leaf.expand(*batch, *leaf.shape[-event_dims:])
 
 
 @dataclass(frozen=True)
@@ -40,11 +44,18 @@ class Scenario:
         if not bool((torch.isfinite(horizon) & (horizon > 0)).all()):
             raise ConfigError(f"horizon = {horizon.tolist()}: must be finite and > 0")
         object.__setattr__(self, "horizon", horizon)
-        for name in self.schedule:
+        for name, schedule in self.schedule.items():
+            if not isinstance(schedule, PiecewiseConstant):
+                raise ConfigError(f"schedule of '{name}': give a PiecewiseConstant")
             if name not in self.parameters._fields:
                 raise ConfigError(
                     f"schedule of '{name}': the plant has {', '.join(self.parameters._fields)}"
                 )
+        for leaf in self.start or ():
+            if not bool(torch.isfinite(as_float64(leaf, "start")).all()):
+                raise ConfigError(f"start = {leaf.tolist()}: must be finite")
+            if leaf.shape[-1:] != (self.reference.n_joints,):
+                raise ShapeError(f"start of shape {tuple(leaf.shape)}: give one number a joint")
         try:
             _ = self.batch_shape
         except RuntimeError as error:
@@ -82,6 +93,18 @@ class Scenario:
         zero = torch.zeros(self.reference.n_joints, dtype=torch.float64)
         return PlantState(zero, zero)
 
+    def expanded(self) -> Scenario:
+        """The same scenario with every part expanded to the common batch shape."""
+        batch = self.batch_shape
+        return replace(
+            self,
+            reference=self.reference.expand(batch),
+            parameters=map_tensors(lambda leaf: _expand(leaf, batch, 1), self.parameters),
+            horizon=as_float64(self.horizon).expand(batch),
+            schedule={name: s.expand(batch) for name, s in self.schedule.items()},
+            start=map_tensors(lambda leaf: _expand(leaf, batch, 1), self.start_state()),
+        )
+
     @staticmethod
     def stack(scenarios: Sequence[Scenario], name: str = "batch") -> Scenario:
         """One scenario with a new leading batch dimension, a row per given scenario.
@@ -89,10 +112,17 @@ class Scenario:
         All must be of the same batch shape, the same kind of reference and the same scheduled
         fields. Raises `ConfigError` otherwise.
         """
+        kinds = {
+            (type(s.reference), tuple(sorted(s.schedule)), type(s.parameters), s.batch_shape)
+            for s in scenarios
+        }
+        if len(kinds) != 1:
+            raise ConfigError(
+                "scenarios to stack must be at least one, with the same kind of reference and "
+                "parameters, the same scheduled fields and the same batch shape"
+            )
+        scenarios = [s.expanded() for s in scenarios]
         first = scenarios[0]
-        kinds = {(type(s.reference), tuple(sorted(s.schedule))) for s in scenarios}
-        if len(kinds) > 1:
-            raise ConfigError("only scenarios with one kind of reference and schedule stack")
         starts = [scenario.start_state() for scenario in scenarios]
         rows = [scenario.parameters for scenario in scenarios]
         return Scenario(

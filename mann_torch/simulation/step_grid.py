@@ -68,6 +68,8 @@ class StepGrid:
         """
         if not (math.isfinite(sample_dt) and sample_dt > 0):
             raise ConfigError(f"sample_dt = {sample_dt}: must be finite and > 0")
+        if until is not None and not until >= 0:
+            raise ConfigError(f"sample_until = {until}: must be >= 0")
         end = float(self.times[-1]) if until is None else min(until, float(self.times[-1]))
         wanted = torch.arange(int(end / sample_dt + 1e-9) + 1, dtype=torch.float64) * sample_dt
         index = torch.searchsorted(self.times, wanted - MERGE).clamp(max=self.n_steps)

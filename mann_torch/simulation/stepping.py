@@ -27,25 +27,25 @@ class Carry(NamedTuple):
 
 
 class _FlatFlow:
-    """The loop's vector field on flat states, with mode and coefficients frozen."""
+    """The loop's vector field on flat states, with mode and coefficients frozen.
 
-    def __init__(
-        self,
-        rates: Callable[..., Any],
-        mode: Mode,
-        reference: Reference,
-        coefficients: Coefficients,
-    ) -> None:
-        self._rates = rates
-        self._frozen = (mode, reference, coefficients)
+    Rows outside `moving` (...,), all if None, stand still.
+    """
+
+    def __init__(self, rates: Callable[..., Any], frozen: Any, moving: Tensor | None) -> None:
+        self._rates, self._frozen, self._moving = rates, frozen, moving
 
     def __call__(self, t: Tensor, y: Tensor) -> Tensor:
-        rate: Tensor = self._rates(t, y, *self._frozen, False)[0]
-        return rate
+        return self._hold(self._rates(t, y, *self._frozen, False)[0])
 
     def linearized(self, t: Tensor, y: Tensor) -> tuple[Tensor, Linearization]:
-        result: tuple[Tensor, Linearization] = self._rates(t, y, *self._frozen, True)
-        return result
+        rate, block = self._rates(t, y, *self._frozen, True)
+        return self._hold(rate), map_tensors(self._hold, block)
+
+    def _hold(self, value: Tensor) -> Tensor:
+        if self._moving is None:
+            return value
+        return pick(self._moving, value, torch.zeros_like(value))
 
 
 class Stepper:
@@ -69,9 +69,15 @@ class Stepper:
         return "eager" if self._compiled is None else self._compiled.engine
 
     def __call__(
-        self, t: Tensor, h: Tensor, carry: Carry, reference: Reference, coefficients: Coefficients
+        self,
+        t: Tensor,
+        h: Tensor,
+        carry: Carry,
+        reference: Reference,
+        coefficients: Coefficients,
+        moving: Tensor | None = None,
     ) -> Carry:
-        return self._call(t, h, carry, reference, coefficients)
+        return self._call(t, h, carry, reference, coefficients, moving)
 
     def _flat_rates(
         self,
@@ -88,14 +94,20 @@ class Stepper:
         return self._packer.pack(rate), block
 
     def _advance(
-        self, t: Tensor, h: Tensor, carry: Carry, reference: Reference, coefficients: Coefficients
+        self,
+        t: Tensor,
+        h: Tensor,
+        carry: Carry,
+        reference: Reference,
+        coefficients: Coefficients,
+        moving: Tensor | None,
     ) -> Carry:
         y, mode = carry.y, carry.mode
         if mode is not None:
             state, mode = self._loop.jump(t, self._packer.unpack(y), mode, reference)
             if self._loop.controller.reallocates:
                 y = self._packer.pack(state)
-        flow = _FlatFlow(self._rates, mode, reference, coefficients)
+        flow = _FlatFlow(self._rates, (mode, reference, coefficients), moving)
         y = self._solver.step(flow, t, h, y)
         # NaN compares as False, so that this catches it too.
         return Carry(y, mode, y.abs().amax(dim=-1) < self._limit)
@@ -111,13 +123,14 @@ class Stepper:
     ) -> Carry:
         """The step again with the samples that are or fall dead held at their last state.
 
-        They compute from `safe` (..., M) instead, so that their numbers stay finite and no NaN of
-        theirs reaches a shared gradient (`where` alone would pass it: 0 times NaN is NaN).
+        They compute from `safe` (..., M), and stand still there, so that their numbers stay finite
+        and no NaN of theirs reaches a shared gradient (`where` alone would pass it: 0 times NaN
+        is NaN) or a shared step size.
         """
         alive = carry.alive
         while True:
             y = torch.where(alive.unsqueeze(-1), carry.y, safe)
-            after = self(t, h, carry._replace(y=y), reference, coefficients)
+            after = self(t, h, carry._replace(y=y), reference, coefficients, alive)
             still = alive & after.alive
             if bool((still == alive).all()):
                 break

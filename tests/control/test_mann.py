@@ -13,7 +13,7 @@ from mann_torch.types import (
     NetworkState,
     ReferenceSample,
 )
-from tests.conftest import CONTROLLERS, make_controller, randn
+from tests.conftest import CONTROLLERS, make_controller, make_scenario, randn
 
 N, n, n_in, S = 3, 2, 10, 2
 
@@ -146,3 +146,36 @@ def test_memory_of_another_size_is_refused() -> None:
         mt.MannController(2, 5, mt.WorkingMemory(2, 4, mt.HardAttention()))
     with pytest.raises(mt.ConfigError, match="n_hidden = 0"):
         mt.MannController(2, 0)
+
+
+def test_an_optimizer_step_keeps_lambda_symmetric_and_a_bad_one_is_named() -> None:
+    controller = make_controller("nn")
+    (error_gain,) = controller.tune("error_gain")
+    loop = mt.ClosedLoop(mt.TwoLinkArm(), controller)
+    optimizer = torch.optim.SGD([error_gain], lr=1.0)
+    mt.srmse(mt.rollout(loop, make_scenario(0.1))).sum().backward()
+    optimizer.step()
+    assert torch.equal(error_gain, error_gain.mT) and float(error_gain[0, 1]) != 0.0
+    with torch.no_grad():
+        error_gain.copy_(-error_gain)
+    with pytest.raises(mt.DomainError, match="error_gain"):
+        mt.rollout(loop, make_scenario(0.1))
+
+
+def test_saved_constants_load_with_their_batch_shape_and_are_checked() -> None:
+    saved = make_controller("hard")
+    saved.initialize(write_gain=[0.5, 1.0], base_gain=30.0)
+    fresh = make_controller("hard")
+    fresh.load_state_dict(saved.state_dict())
+    assert fresh.constant("write_gain").tolist() == [0.5, 1.0]
+    bad = {**saved.state_dict(), "robust.base_gain": torch.tensor(-1.0).double()}
+    with pytest.raises(mt.DomainError, match="base_gain"):
+        fresh.load_state_dict(bad)
+
+
+def test_numbers_that_are_none_are_named() -> None:
+    controller = make_controller("nn")
+    with pytest.raises(mt.ConfigError, match="base_gain"):
+        controller.initialize(base_gain="fast")
+    with pytest.raises(mt.ConfigError, match="masses"):
+        mt.arm_parameters([[0.8, 2.3], [1.0]])

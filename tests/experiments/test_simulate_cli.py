@@ -14,7 +14,7 @@ from omegaconf import OmegaConf
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from experiments import simulate
-from experiments.config import group_names
+from experiments.hydra_setup import group_names
 from tests.conftest import GOLDEN
 
 WEIGHTS = f"initial.weights_file={GOLDEN / 'initial_weights.npz'}"
@@ -140,6 +140,25 @@ BAD = [
     ("scenario=1,2", "scenario"),
     ("horizon", "horizon"),
     ("initial.weights_file=/nowhere.npz", "/nowhere.npz"),
+    # settings the chosen controller does not use are checked all the same
+    ("controller=soft constants.shift_threshold=-0.1", "shift_threshold"),
+    ("controller=nn constants.write_gain=nan", "write_gain"),
+    ("controller=nn memory.n_slots=-3", "n_slots"),
+    ("controller=nn keys.name=foo", "unknown keys 'foo'"),
+    ("controller=hard controller.phase=foo", "phase"),
+    ("constants.key_rate=-1", "key_rate"),
+    ("solver.rtol=nan", "rtol"),
+    # slips of the pen
+    ("seed=99999999999999999", "seed"),
+    ("solver.dt=1e-300", "steps"),
+    ("output.sample_dt=1e-300", "samples"),
+    ("horizon=1e300", "steps"),
+    ("scenario=3 scenario.mass_growth.period=1e-9", "period"),
+    ("scenario.mass_jumps=[{a:1,b:2}]", "mass_jumps"),
+    ("seed=${nope}", "nope"),
+    ("~plant", "PlantConfig"),
+    ("hydra.foo=1", "foo"),
+    ("-m run_dir=A,B", "run_dir"),
 ]
 
 
@@ -151,7 +170,8 @@ def test_bad_input_is_one_line_exit_code_2_and_no_folder(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert run(monkeypatch, argument, f"run_dir={folder}") == 2
+    where = [] if "run_dir" in argument else [f"run_dir={folder}"]
+    assert run(monkeypatch, *argument.split(), *where) == 2
     out, err = capsys.readouterr()
     assert out == "" and len(err.strip().splitlines()) == 1 and words in err
     assert list(folder.parent.iterdir()) == []
@@ -236,6 +256,25 @@ def test_a_finished_run_is_not_overwritten(
     assert run(monkeypatch, *quiet) == 2
     assert "already holds a run" in capsys.readouterr().err
     assert (folder / "metrics.json").read_bytes() == before
+    assert run(monkeypatch, *quiet[:-1], f"hydra.run.dir={folder}") == 2
+    assert (folder / "metrics.json").read_bytes() == before
+
+
+def test_a_finished_sweep_is_not_overwritten(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quiet = ["-m", "controller=nn", "horizon=0.02", "output.figures=false", f"run_dir={folder}"]
+    assert run(monkeypatch, *quiet, "seed=1,2") == 0
+    assert run(monkeypatch, *quiet, "seed=5,6") == 2
+    assert "already holds a run" in capsys.readouterr().err
+
+
+def test_a_run_dir_below_a_file_is_refused(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder.write_text("a file")
+    assert run(monkeypatch, "horizon=0.02", f"run_dir={folder / 'x'}") == 2
+    assert "not a folder" in capsys.readouterr().err
 
 
 numbers = st.sampled_from(["nan", "-1", "inf", "-inf", "0", "x", "[1]", "null", "{a:1}", "''"])
@@ -277,7 +316,7 @@ def test_help_lists_scenarios_and_controllers() -> None:
 
 
 def test_run_folders_of_runs_started_at_once_differ() -> None:
-    from experiments.config import _run_folder
+    from experiments.hydra_setup import _run_folder
 
     folders = {_run_folder(None, "simulate") for _ in range(200)}
     assert len(folders) == 200

@@ -9,7 +9,7 @@ import mann_torch as mt
 from mann_torch.simulation import observe
 from mann_torch.trees import map_tensors
 from mann_torch.types import LoopState, NetworkState, PlantState
-from tests.conftest import CONTROLLERS, generator, make_loop, make_scenario
+from tests.conftest import CONTROLLERS, generator, make_controller, make_loop, make_scenario
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
@@ -93,6 +93,47 @@ def test_a_diverging_sample_is_frozen_and_spares_its_mates(solver: mt.Solver) ->
     torch.testing.assert_close(run.q[:, [0, 1, 3]], mates.q, rtol=0, atol=1e-12)
     assert bool(torch.isfinite(run.q).all())
     assert torch.isnan(mt.srmse(run)[2]).all() and torch.isfinite(mt.srmse(run)[[0, 1, 3]]).all()
+
+
+@pytest.mark.parametrize("name", ["nn", "hard"])
+def test_even_a_sample_that_dies_from_its_first_step_leaks_no_nan(name: str) -> None:
+    loop, scenario = make_loop(name), make_scenario(0.01)
+    loop.controller.initialize(robust_gain=[10.0, 1e9])  # far beyond what rk4 can step
+    network = loop.controller.initial_network((2,), generator())
+    (gain,) = loop.controller.tune("base_gain")
+    solver = mt.Odeint("rk4", dt=5e-3, max_step=2e-4)
+    run = mt.rollout(loop, scenario, solver, network=network)
+    assert run.status.tolist() == [0, 1]
+    (with_dead,) = torch.autograd.grad(run.error[:, 0].square().sum(), gain)
+    loop.controller.initialize(robust_gain=10.0)
+    (gain,) = loop.controller.tune("base_gain")
+    alone = mt.rollout(loop, scenario, solver, network=NetworkState(*(x[0] for x in network)))
+    (without,) = torch.autograd.grad(alone.error.square().sum(), gain)
+    torch.testing.assert_close(with_dead, without, rtol=1e-9, atol=0)
+
+
+def test_after_a_death_an_adaptive_solver_does_no_extra_work() -> None:
+    class Counting(mt.TwoLinkArm):
+        calls = 0
+
+        def mass_matrix(self, q, coefficients):
+            Counting.calls += 1
+            return super().mass_matrix(q, coefficients)
+
+    loop = mt.ClosedLoop(Counting(), make_controller("nn"))
+    network = loop.controller.initial_network((2,), generator())
+    W = torch.zeros_like(network.W)
+    W[1] = 1e12
+    counts = []
+    with torch.no_grad():
+        for horizon in (0.005, 0.03):
+            Counting.calls = 0
+            solver = mt.Odeint("dopri5", max_evaluations=500)
+            scenario = make_scenario(horizon)
+            run = mt.rollout(loop, scenario, solver, network=network._replace(W=W))
+            assert run.status.tolist() == [0, 1]
+            counts.append(Counting.calls)
+    assert counts[1] - counts[0] < 500  # five steps of the healthy sample alone
 
 
 def test_a_dead_sample_leaks_no_nan_into_shared_gradients() -> None:
@@ -195,3 +236,95 @@ def test_shapes_that_do_not_fit_are_named() -> None:
     with pytest.raises(mt.ConfigError, match="schedule of 'mass'"):
         schedule = {"mass": mt.PiecewiseConstant([1.0], [[1.0], [2.0]])}
         mt.Scenario(mt.Sinusoid([1.0, 0.0]), mt.arm_parameters(), 1.0, schedule)
+
+
+def test_batched_scenarios_stack_row_by_row() -> None:
+    loop = make_loop("nn")
+    network = loop.controller.initial_network((), generator())
+    masses = torch.tensor([[0.8, 2.3], [1.6, 3.0]], dtype=torch.float64)
+    one = mt.Scenario(mt.Sinusoid([1.0, 0.0]), mt.arm_parameters(masses), 0.1)
+    two = mt.Scenario(mt.Sinusoid([0.2, 0.5]), mt.arm_parameters(masses, [1.0, 2.0]), 0.1)
+    both = mt.rollout(loop, mt.Scenario.stack([one, two]), network=network)
+    for i, scenario in enumerate((one, two)):
+        alone = mt.rollout(loop, scenario, network=network)
+        torch.testing.assert_close(both.q[:, i], alone.q, rtol=0, atol=1e-12)
+    with pytest.raises(mt.ConfigError, match="same batch shape"):
+        mt.Scenario.stack([one, make_scenario()])
+
+
+def test_batched_constants_give_the_rollout_its_batch() -> None:
+    loop = make_loop("reallocating_initial")
+    loop.controller.initialize(base_gain=[10.0, 20.0, 30.0], write_gain=[0.5, 0.75, 1.0])
+    run = mt.rollout(loop, make_scenario(0.05))
+    assert run.q.shape[1:] == (3, 2) and run.status.tolist() == [0, 0, 0]
+    with pytest.raises(mt.ShapeError, match="constants"):
+        mt.rollout(loop, make_scenario(0.05), batch_shape=(4,))
+
+
+def test_strong_friction_is_stepped_implicitly() -> None:
+    loop = make_loop("soft")
+    rough = mt.arm_parameters(viscous=[200.0, 200.0], coulomb=[20.0, 20.0])
+    scenario = mt.Scenario(mt.Sinusoid([1.0, 0.3]), rough, 0.5)
+    runs = [mt.rollout(loop, scenario, mt.Implicit(dt)) for dt in (5e-3, 2.5e-4)]
+    assert runs[0].status.item() == 0
+    torch.testing.assert_close(mt.srmse(runs[0]), mt.srmse(runs[1]), rtol=0.02, atol=0)
+
+
+def test_a_stored_memory_starts_the_next_rollout_with_its_slots() -> None:
+    loop, scenario = make_loop("reallocating_initial", n_slots=4), make_scenario(1.0)
+    first = mt.rollout(loop, scenario)
+    memory = loop.controller.memory
+    state = map_tensors(lambda leaf: leaf[-1], first.states.controller.memory)
+    memory.store_(state, first.final_mode.active)
+    second = mt.rollout(loop, make_scenario(0.005))
+    assert torch.equal(second.modes.active[0], first.final_mode.active)
+    assert torch.equal(second.states.controller.memory.mu[0], state.mu)
+
+
+def test_srmse_later_than_a_samples_own_horizon_is_nan_without_poisoning_gradients() -> None:
+    loop = make_loop("nn")
+    scenario = mt.Scenario.stack([make_scenario(0.02), make_scenario(0.05)])
+    (gain,) = loop.controller.tune("base_gain")
+    late = mt.srmse(mt.rollout(loop, scenario), after=0.03)
+    assert torch.isnan(late[0]).all() and torch.isfinite(late[1]).all()
+    (gradient,) = torch.autograd.grad(late.nanmean(), gain)
+    assert bool(torch.isfinite(gradient))
+
+
+NOWHERE = torch.full((2,), math.nan, dtype=torch.float64)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"schedule": {"masses": mt.PiecewiseConstant([0.01], [[0.8, 2.3], [-0.8, 2.3]])}}, "mass"),
+        ({"schedule": {"masses": mt.PiecewiseConstant([0.01], [[1.0], [2.0]])}}, "masses"),
+        ({"schedule": {"masses": ([0.01], [[0.8, 2.3]])}}, "PiecewiseConstant"),
+        ({"start": PlantState(torch.zeros(3).double(), torch.zeros(3).double())}, "start"),
+        (
+            {"start": PlantState(torch.full((2,), math.nan).double(), torch.zeros(2).double())},
+            "start",
+        ),
+        ({"network": "V of 9 inputs"}, "initial V"),
+        ({"network": "float32"}, "float32"),
+        ({"network": "nan"}, "not all numbers are finite"),
+        ({"batch_shape": 8}, "batch_shape"),
+        ({"divergence_limit": math.nan}, "divergence_limit"),
+        ({"sample_until": -1.0}, "sample_until"),
+        ({"sample_dt": 0.0}, "sample_dt"),
+    ],
+)
+def test_what_does_not_fit_is_a_named_error(change: dict, words: str) -> None:
+    loop = make_loop("soft")
+    good = loop.controller.initial_network((), generator())
+    networks = {
+        "V of 9 inputs": good._replace(V=good.V[:9]),
+        "float32": good._replace(V=good.V.float()),
+        "nan": good._replace(b_v=good.b_v * math.nan),
+    }
+    parts = {key: change.pop(key) for key in ("schedule", "start") if key in change}
+    if "network" in change:
+        change = {"network": networks[change["network"]]}
+    with pytest.raises(mt.ConfigError, match=words):
+        scenario = mt.Scenario(mt.Sinusoid([1.0, 0.0]), mt.arm_parameters(), 0.02, **parts)
+        mt.rollout(loop, scenario, **change)
