@@ -25,8 +25,8 @@ from mann_torch.errors import ConfigError, MannError
 
 from .hydra_setup import CONF
 
-#: Exit code of a setting that cannot be used, and of a run that failed.
-BAD_INPUT, FAILED = 2, 1
+#: Exit codes: a setting that cannot be used, a run that failed, Ctrl-C.
+BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
 _PASS_THROUGH = ("--help", "-h", "--hydra-help", "--version", "--info", "-i", "--shell-completion")
 _TAKES_VALUE = ("--config-name", "-cn", "--config-path", "-cp", "--config-dir", "-cd", "--package")
@@ -47,7 +47,10 @@ def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[An
             _check_sweep(arguments, jobs)
         except Exception as error:  # whatever a setting breaks, it is one line and no folder
             fail(error, BAD_INPUT)
-    entry(_guarded(task))()
+    try:
+        entry(_guarded(task))()
+    except KeyboardInterrupt:
+        fail(MannError("interrupted; what was finished has been written"), INTERRUPTED)
 
 
 def fail(error: Exception, code: int) -> None:

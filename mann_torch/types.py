@@ -125,17 +125,19 @@ class ControlOutput(NamedTuple):
 
 
 class TorqueGains(NamedTuple):
-    """How stiffly the controller holds the arm: -d tau/d q and -d tau/d qd (..., n, n)."""
+    """How the torque answers to position, velocity and time."""
 
-    position: Tensor  # [N m/rad]
-    rate: Tensor  # [N m s/rad]
+    position: Tensor  # (..., n, n) -d tau/d q [N m/rad]
+    rate: Tensor  # (..., n, n) -d tau/d qd [N m s/rad]
+    drift: Tensor  # (..., n) d tau/d t while the state stands still [N m/s]
 
 
 class Linearization(NamedTuple):
-    """The stiff block of the loop: d(qdd) = -stiffness dq - damping d(qd), (..., n, n)."""
+    """The stiff block of the loop: d(qdd) = -stiffness dq - damping d(qd) + drift dt."""
 
-    stiffness: Tensor  # [1/s^2]
-    damping: Tensor  # [1/s]
+    stiffness: Tensor  # (..., n, n) [1/s^2]
+    damping: Tensor  # (..., n, n) [1/s]
+    drift: Tensor  # (..., n) [rad/s^3]
 
 
 class LoopState(NamedTuple):

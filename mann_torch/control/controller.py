@@ -61,12 +61,14 @@ class Controller(DesignModule):
         """Raise a `ConfigError` if these initial weights do not fit this controller."""
         return None
 
-    def torque_gains(self, output: ControlOutput, state: ControllerState) -> TorqueGains:
-        """-d tau/dq and -d tau/d(qd) (..., n, n), which the implicit solver treats implicitly.
+    def torque_gains(
+        self, reference: ReferenceSample, output: ControlOutput, state: ControllerState
+    ) -> TorqueGains:
+        """How the torque answers to position, velocity and time: what is solved implicitly.
 
         They may be approximate: its order does not depend on them, its stability does. Zeros
         here, which makes it an explicit method.
         """
         n = output.torque.shape[-1]
         zeros = output.torque.new_zeros((*output.torque.shape, n))
-        return TorqueGains(zeros, zeros)
+        return TorqueGains(zeros, zeros, zeros[..., 0])

@@ -135,13 +135,20 @@ class MannController(Controller):
         memory, mode = self.memory.jump(features.hidden, measurement.q, state.memory, mode)
         return state._replace(memory=memory), mode
 
-    def torque_gains(self, output: ControlOutput, state: ControllerState) -> TorqueGains:
-        """Rate gain = gain I + W' diag(sigma') V_de'; position gain = rate gain Lambda."""
+    def torque_gains(
+        self, reference: ReferenceSample, output: ControlOutput, state: ControllerState
+    ) -> TorqueGains:
+        """Rate gain = gain I + W' diag(sigma') V_de'; position gain = rate gain Lambda.
+
+        The torque answers to e and de: as time goes on, the reference moves both.
+        """
         n = self.n_joints
         eye = torch.eye(n, dtype=output.torque.dtype)
         slope = self.network.input_slope(output.signals.features, state.network, first=n, n=n)
         rate = per_matrix(output.signals.gain) * eye + slope
-        return TorqueGains(rate @ self.tracking.error_gain, rate)
+        position = rate @ self.tracking.error_gain
+        drift = times_column(position, reference.qd) + times_column(rate, reference.qdd)
+        return TorqueGains(position, rate, drift)
 
     def _look(
         self, reference: ReferenceSample, measurement: Measurement, network: NetworkState

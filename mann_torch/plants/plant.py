@@ -78,10 +78,11 @@ class Plant(nn.Module):
         if gains is not None:
             slope = self.load_slope(q, qd, coefficients)
             rate = gains.rate if slope is None else gains.rate + torch.diag_embed(slope)
-            columns += [gains.position, rate]
+            columns += [gains.position, rate, gains.drift.unsqueeze(-1)]
         solved = solve_small(self.mass_matrix(q, coefficients), torch.cat(columns, dim=-1))
         derivative = PlantState(qd, solved[..., 0])
         if gains is None:
             return derivative, None
         n = qd.shape[-1]
-        return derivative, Linearization(solved[..., 1 : n + 1], solved[..., n + 1 :])
+        stiffness, damping = solved[..., 1 : n + 1], solved[..., n + 1 : 2 * n + 1]
+        return derivative, Linearization(stiffness, damping, solved[..., -1])

@@ -82,8 +82,11 @@ class ClosedLoop(nn.Module):
 
         `coefficients` are the plant's, from its parameters in force at t.
         """
-        output = self.observe(t, state, mode, reference)
-        gains = self.controller.torque_gains(output, state.controller) if linearize else None
+        sample, measurement = reference(t), self.plant.measure(state.plant)
+        output: ControlOutput = self.controller(sample, measurement, state.controller, mode)
+        gains = None
+        if linearize:
+            gains = self.controller.torque_gains(sample, output, state.controller)
         d_plant, block = self.plant.derivative(state.plant, output.torque, coefficients, gains)
         return LoopState(d_plant, output.d_state), block
 

@@ -15,13 +15,13 @@ GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 
 
 class Implicit(Solver):
-    """ROS2 as a W-method: two stages, order 2 with any matrix A, L-stable.
+    """ROS2 as a W-method: two stages, order 2 with any matrix A and vector T, L-stable.
 
-    k1 = (I - g h A)^-1 F(y), k2 = (I - g h A)^-1 (F(y + h k1) - 2 k1),
-    y+ = y + 3/2 h k1 + 1/2 h k2, with g = 1 - 1/sqrt 2 and A the plant's stiff block
-    [[0, I], [-K, -P]] alone, so that each solve is n x n. Verwer et al., SIAM J. Sci. Comput. 20
-    (1999). No Newton iteration, no Jacobian by autodiff. Where the loop is much faster than a step,
-    positions keep order 2 and velocities have order 1: the reference's own motion is not in A.
+    k1 = (I - g h A)^-1 (F(t, y) + g h T), k2 = (I - g h A)^-1 (F(t + h, y + h k1) - 2 k1 - g h T),
+    y+ = y + 3/2 h k1 + 1/2 h k2, with g = 1 - 1/sqrt 2. A is the plant's stiff block
+    [[0, I], [-K, -P]] alone, so that each solve is n x n, and T what the reference's motion does to
+    it (without T a stiff loop's velocities have order 1). Verwer et al., SIAM J. Sci. Comput. 20
+    (1999). No Newton iteration, no Jacobian by autodiff.
     """
 
     def __init__(self, dt: float = 5e-3, compile: bool = False) -> None:
@@ -35,18 +35,22 @@ class Implicit(Solver):
     def step(self, flow: Flow, t: Tensor, h: Tensor, y: Tensor) -> Tensor:
         """One step (..., M) -> (..., M)."""
         rate, block = flow.linearized(t, y)
-        k_1 = _damped(rate, block, GAMMA * h)
+        gh = GAMMA * h
+        k_1 = _damped(rate, block, gh, gh * block.drift)
         rate_2 = flow(t + h, y + h * k_1)
-        k_2 = _damped(rate_2 - 2.0 * k_1, block, GAMMA * h)
+        k_2 = _damped(rate_2 - 2.0 * k_1, block, gh, -gh * block.drift)
         return y + h * (1.5 * k_1 + 0.5 * k_2)
 
 
-def _damped(rate: Tensor, block: Linearization, gh: Tensor) -> Tensor:
-    """(I - g h A)^-1 rate: (I + gh P + gh^2 K) k_v = f_v - gh K f_q; k_q = f_q + gh k_v."""
+def _damped(rate: Tensor, block: Linearization, gh: Tensor, push: Tensor) -> Tensor:
+    """(I - g h A)^-1 (rate + push on the velocities).
+
+    (I + gh P + gh^2 K) k_v = f_v + push - gh K f_q; k_q = f_q + gh k_v.
+    """
     n = block.damping.shape[-1]
     f_q, f_v, rest = rate[..., :n], rate[..., n : 2 * n], rate[..., 2 * n :]
     eye = torch.eye(n, dtype=rate.dtype, device=rate.device)
     matrix = eye + gh * (block.damping + gh * block.stiffness)
-    right = f_v - gh * times_column(block.stiffness, f_q)
+    right = f_v + push - gh * times_column(block.stiffness, f_q)
     k_v = solve_small(matrix, right.unsqueeze(-1)).squeeze(-1)
     return torch.cat([f_q + gh * k_v, k_v, rest], dim=-1)

@@ -27,9 +27,8 @@ def final_angles(controller: str, horizon: float, solver: mt.Solver) -> torch.Te
 
 
 def compare(controller: str, horizon: float) -> None:
-    fine = mt.Implicit(dt=1e-3)
     angles = {
-        "implicit": final_angles(controller, horizon, fine),
+        "implicit": final_angles(controller, horizon, mt.Implicit(dt=5e-3)),
         "dopri5": final_angles(controller, horizon, mt.Odeint("dopri5", dt=5e-3)),
         "rk4": final_angles(controller, horizon, mt.Odeint("rk4", dt=5e-3, max_step=2e-4)),
     }
