@@ -182,7 +182,7 @@ def _key_rule(cfg: SimulateConfig) -> KeyRule:
 def build_solver(cfg: SolverConfig) -> Solver:
     """The solver of that name."""
     if cfg.name == "implicit":
-        return Implicit(cfg.dt, cfg.compile)
+        return Implicit(cfg.dt, cfg.compile, cfg.follow_reference)
     if cfg.name not in METHODS:
         raise ConfigError(
             f"unknown solver '{cfg.name}'; choose from implicit, {', '.join(METHODS)}"

@@ -80,6 +80,7 @@ class SolverConfig:
     rtol: float = 1e-5
     atol: float = 1e-8
     max_step: float | None = None
+    follow_reference: bool = False  # implicit only: more accurate, see its docstring
     compile: bool = False
 
 

@@ -36,7 +36,7 @@ class Follower:
 
 def integrate(flow: Follower, y0: list[float], end: float, h: float) -> Tensor:
     y = torch.tensor(y0, dtype=torch.float64)
-    solver, times = mt.Implicit(h), StepGrid(end, [], h).times
+    solver, times = mt.Implicit(h, follow_reference=True), StepGrid(end, [], h).times
     for t, step in zip(times[:-1], times.diff(), strict=True):
         y = solver.step(flow, t, step, y)
     return y

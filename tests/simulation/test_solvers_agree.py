@@ -28,11 +28,12 @@ def final_angles(controller: str, horizon: float, solver: mt.Solver) -> torch.Te
 
 def compare(controller: str, horizon: float) -> None:
     angles = {
-        "implicit": final_angles(controller, horizon, mt.Implicit(dt=5e-3)),
+        "implicit": final_angles(controller, horizon, mt.Implicit(dt=1e-3)),
+        "following": final_angles(controller, horizon, mt.Implicit(5e-3, follow_reference=True)),
         "dopri5": final_angles(controller, horizon, mt.Odeint("dopri5", dt=5e-3)),
         "rk4": final_angles(controller, horizon, mt.Odeint("rk4", dt=5e-3, max_step=2e-4)),
     }
-    for name in ("implicit", "dopri5"):
+    for name in ("implicit", "following", "dopri5"):
         gap = float((angles[name] - angles["rk4"]).abs().max())
         print(f"{controller}, {horizon} s, {name} - rk4: {gap:.2e} rad")
         assert gap <= 1e-4
