@@ -44,10 +44,6 @@ class Results:
     def __init__(self, results: Sequence[JobResult]) -> None:
         self._by_variant = {result.job.variant: result for result in results}
 
-    def variants(self) -> list[str]:
-        """The variants simulated."""
-        return list(self._by_variant)
-
     def job(self, variant: str) -> JobResult:
         """All results of one variant."""
         return self._by_variant[variant]
@@ -62,11 +58,6 @@ class Results:
         result = self._by_variant[variant]
         table: np.ndarray = getattr(result, metric)
         return 1e3 * table[result.job.scenarios.index(scenario)]
-
-    def reallocations(self, scenario: str, variant: str) -> np.ndarray:
-        """Resets (draws,)."""
-        result = self._by_variant[variant]
-        return result.reallocations[result.job.scenarios.index(scenario)]
 
     def signals(self, scenario: str, variant: str) -> dict[str, np.ndarray]:
         """Recorded signals, (K, draws, .)."""
