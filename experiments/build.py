@@ -23,7 +23,7 @@ from mann_torch.memory import (
 )
 from mann_torch.plants import PLANTS, TwoLinkArm, arm_parameters
 from mann_torch.signals import PiecewiseConstant
-from mann_torch.simulation import METHODS
+from mann_torch.simulation import METHODS, check_engine
 from mann_torch.types import NetworkState, PlantState
 
 from .config import SimulateConfig, SolverConfig
@@ -60,6 +60,7 @@ def build(cfg: SimulateConfig) -> Experiment:
             f"horizon = {scenario.end:g} s in steps of {solver.dt:g} s, sampled every "
             f"{cfg.output.sample_dt:g} s: more than {MAX_STEPS:.0e} steps or samples"
         )
+    check_engine(loop, scenario, solver, cfg.solver.engine, cfg.solver.device)
     return Experiment(loop, scenario, solver, initial_network(cfg, controller))
 
 

@@ -80,8 +80,10 @@ class SolverConfig:
     rtol: float = 1e-5
     atol: float = 1e-8
     max_step: float | None = None
-    follow_reference: bool = False  # implicit only: more accurate, see its docstring
-    compile: bool = False
+    follow_reference: bool = True  # implicit only: more accurate, see its docstring
+    engine: str = "auto"  # fused, torch, or auto: fused where the parts have a fused form
+    device: str = "cpu"  # of the fused engine: cpu or cuda
+    compile: bool = False  # torch engine only
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""Run jobs, two at a time: each is one batched rollout of one controller variant."""
+"""Run jobs, two at a time: each is one controller variant, a batched rollout a horizon."""
 
 from __future__ import annotations
 
@@ -18,9 +18,8 @@ import numpy as np
 import torch
 from omegaconf import OmegaConf
 
-from mann_torch import Scenario, rollout
+from mann_torch import Scenario, Trajectory, rollout
 from mann_torch.errors import SolverError
-from mann_torch.functional import as_float64
 from mann_torch.simulation.step_grid import StepGrid
 from mann_torch.types import NetworkState
 
@@ -83,9 +82,20 @@ def job_config(cfg: ReproduceConfig, job: Job, scenario: str) -> SimulateConfig:
     )
 
 
-def batched(cfg: ReproduceConfig, job: Job) -> Experiment:
-    """All scenarios and draws of a job as one experiment of batch (scenarios * draws,)."""
-    parts = [build(job_config(cfg, job, scenario)) for scenario in job.scenarios]
+def batches(cfg: ReproduceConfig, job: Job) -> list[tuple[list[str], Experiment]]:
+    """The job's scenarios of each horizon, and all their draws as one experiment.
+
+    A batch runs to its longest horizon: scenarios of different horizons would waste steps.
+    """
+    parts = {scenario: build(job_config(cfg, job, scenario)) for scenario in job.scenarios}
+    groups: dict[float, list[str]] = {}
+    for scenario, part in parts.items():
+        groups.setdefault(part.scenario.end, []).append(scenario)
+    return [(names, _batched(cfg, [parts[n] for n in names])) for names in groups.values()]
+
+
+def _batched(cfg: ReproduceConfig, parts: list[Experiment]) -> Experiment:
+    """Scenarios and draws of one controller as one experiment of batch (scenarios * draws,)."""
     first = parts[0]
     constants = [part.loop.controller.constants() for part in parts]
     values = {}
@@ -102,52 +112,66 @@ def batched(cfg: ReproduceConfig, job: Job) -> Experiment:
 
 
 def n_steps(cfg: ReproduceConfig, job: Job) -> int:
-    """Steps of the job's rollout, for the progress bar."""
-    experiment = batched(cfg, job)
-    scenario = experiment.scenario
-    return StepGrid(scenario.end, scenario.knots(), experiment.solver.dt).n_steps
+    """Steps of the job's rollouts, for the progress bar."""
+    scenarios = [experiment.scenario for _, experiment in batches(cfg, job)]
+    return sum(StepGrid(s.end, s.knots(), cfg.solver.dt).n_steps for s in scenarios)
 
 
 def run_job(cfg: ReproduceConfig, job: Job, progress: Callable[[int], object]) -> JobResult:
     """Simulate one job."""
-    torch.set_num_threads(1)
-    experiment = batched(cfg, job)
-    shape = (len(job.scenarios), cfg.draws)
-    horizons = dict(
-        zip(job.scenarios, as_float64(experiment.scenario.horizon)[:: cfg.draws], strict=True)
-    )
-    recorded = [horizons[scenario] for scenario in job.recorded]
-    until = float(max(recorded)) if recorded else 0.0
-    with torch.inference_mode():
-        trajectory = rollout(
-            experiment.loop,
-            experiment.scenario,
-            experiment.solver,
-            network=experiment.network,
-            sample_dt=SAMPLE_DT,
-            sample_until=until,
-            progress=progress,
-        )
-        metrics = metrics_of(trajectory)
-        arrays = signal_arrays(experiment.loop, experiment.scenario, trajectory)
-    signals = {}
-    for scenario in job.recorded:
-        row = job.scenarios.index(scenario)
-        chosen = slice(row * cfg.draws, (row + 1) * cfg.draws)
-        kept = {name: a if name == "t" else a[:, chosen] for name, a in arrays.items()}
-        kept["masses"] = kept["masses"][:, 0]
-        signals[scenario] = kept
-    status = metrics["status"]
+    rows: dict[str, dict[str, Any]] = {}
+    signals: dict[str, dict[str, np.ndarray]] = {}
+    engines = set()
+    for scenarios, experiment in batches(cfg, job):
+        with torch.inference_mode():
+            trajectory = _run(
+                cfg, experiment, [s for s in scenarios if s in job.recorded], progress
+            )
+            metrics = metrics_of(trajectory)
+        engines.add(trajectory.engine)
+        for number, scenario in enumerate(scenarios):
+            chosen = slice(number * cfg.draws, (number + 1) * cfg.draws)
+            rows[scenario] = {name: column[chosen] for name, column in metrics.items()}
+            if scenario in job.recorded:
+                with torch.inference_mode():
+                    arrays = signal_arrays(experiment.loop, experiment.scenario, trajectory)
+                kept = {name: a if name == "t" else a[:, chosen] for name, a in arrays.items()}
+                kept["masses"] = kept["masses"][:, 0]
+                signals[scenario] = kept
+
+    def column(name: str) -> np.ndarray:
+        return np.array([rows[scenario][name] for scenario in job.scenarios])
+
     return JobResult(
         job=job,
-        srmse=np.array(metrics["srmse"]).reshape(*shape, 2),
-        srmse_after_10s=np.array(metrics["srmse_after_10s"]).reshape(*shape, 2),
-        reallocations=np.array(metrics["reallocations"]).reshape(shape),
-        switches=np.array(metrics["switches"]).reshape(shape),
-        status=[status[i : i + cfg.draws] for i in range(0, len(status), cfg.draws)],
+        srmse=column("srmse"),
+        srmse_after_10s=column("srmse_after_10s"),
+        reallocations=column("reallocations"),
+        switches=column("switches"),
+        status=[rows[scenario]["status"] for scenario in job.scenarios],
         signals=signals,
-        engine=trajectory.engine,
+        engine=", ".join(sorted(engines)),
         n_hidden=int(trajectory.states.controller.network.b_v.shape[-1]),
+    )
+
+
+def _run(
+    cfg: ReproduceConfig,
+    experiment: Experiment,
+    recorded: list[str],
+    progress: Callable[[int], object],
+) -> Trajectory:
+    return rollout(
+        experiment.loop,
+        experiment.scenario,
+        experiment.solver,
+        network=experiment.network,
+        sample_dt=SAMPLE_DT,
+        sample_until=None if recorded else 0.0,
+        motion_dt=SAMPLE_DT,
+        engine=cfg.solver.engine,
+        device=cfg.solver.device,
+        progress=progress,
     )
 
 
@@ -188,6 +212,7 @@ def _start_worker() -> None:
 
 
 def _worker(cfg: ReproduceConfig, job: Job, steps: Any) -> JobResult:
+    torch.set_num_threads(1)  # the other cores have their own workers
     pending = 0
 
     def progress(count: int) -> None:

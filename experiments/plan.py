@@ -16,7 +16,7 @@ PANELS = ("joint_angles", "features_and_read", "attention_timeline")
 
 @dataclass(frozen=True)
 class Job:
-    """One controller variant through several scenarios, all draws: one rollout."""
+    """One controller variant through several scenarios, all draws."""
 
     variant: str
     overrides: list[str]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, cast
 
@@ -15,7 +15,6 @@ from omegaconf import OmegaConf
 from torch.utils.tensorboard import SummaryWriter
 
 from mann_torch.errors import ConfigError
-from mann_torch.simulation.compiling import cpp_compiler
 
 from . import figures as pictures
 from . import golden as gold
@@ -23,7 +22,7 @@ from . import tables
 from .claims import Finding, findings
 from .cli import FAILED, command_line, reject_unknown, run_cli
 from .config import ReproduceConfig
-from .jobs import batched, run_jobs
+from .jobs import batches, run_jobs
 from .plan import Job, judges_claims, plan
 from .recording import log_summary
 from .results import Results
@@ -47,7 +46,7 @@ def checked(cfg: Any) -> tuple[ReproduceConfig, list[Job], gold.GoldenFile | Non
     if not jobs:
         raise ConfigError("nothing to do: no tables, figures or claims are chosen")
     for job in jobs:
-        batched(plain, job)
+        batches(plain, job)
     return plain, jobs, golden
 
 
@@ -56,11 +55,6 @@ def _task(cfg: Any) -> None:
     folder = Path(HydraConfig.get().runtime.output_dir)
     command = command_line("experiments.reproduce")
     write_text(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
-    if plain.solver.compile and cpp_compiler() is None:
-        print("no C++ compiler found: using eager PyTorch, several times slower", file=sys.stderr)
-        plain = replace(plain, solver=replace(plain.solver, compile=False))
-    elif plain.solver.compile:
-        print("compiling steps: up to a minute before the first progress", file=sys.stderr)
     start = time.perf_counter()
     done = []
     for result in run_jobs(plain, jobs):

@@ -15,6 +15,7 @@ from omegaconf import OmegaConf
 from tqdm import tqdm
 
 from mann_torch import Trajectory, rollout
+from mann_torch.simulation import check_engine
 from mann_torch.simulation.step_grid import StepGrid
 
 from .build import Experiment, build
@@ -40,9 +41,11 @@ def checked(cfg: Any) -> SimulateConfig:
 
 def simulate(cfg: SimulateConfig) -> tuple[Experiment, Trajectory, float]:
     """Run the configured rollout; returns experiment, trajectory and wall time [s]."""
-    torch.set_num_threads(1)  # one thread beats two at these sizes
     experiment = build(cfg)
     scenario, solver = experiment.scenario, experiment.solver
+    engine, device = cfg.solver.engine, cfg.solver.device
+    if check_engine(experiment.loop, scenario, solver, engine, device) is not None:
+        torch.set_num_threads(1)  # in torch one thread beats two at these sizes
     steps = StepGrid(scenario.end, scenario.knots(), solver.dt).n_steps
     start = time.perf_counter()
     with torch.inference_mode(), progress_bar(steps, "step") as bar:
@@ -52,6 +55,8 @@ def simulate(cfg: SimulateConfig) -> tuple[Experiment, Trajectory, float]:
             solver,
             network=experiment.network,
             sample_dt=cfg.output.sample_dt,
+            engine=engine,
+            device=device,
             progress=bar.update,
         )
     return experiment, trajectory, time.perf_counter() - start
@@ -102,6 +107,7 @@ def _task(cfg: Any) -> None:
         "keys": plain.keys.name,
         "solver": trajectory.solver,
         "engine": trajectory.engine,
+        "engine_reason": trajectory.engine_reason,
         "units": {"srmse": "rad", "srmse_after_10s": "rad", "wall_s": "s"},
         "command": command_line("experiments.simulate"),
     }

@@ -27,3 +27,7 @@ class WeightsFileError(ConfigError):
 
 class SolverError(MannError, RuntimeError):
     """An integration could not be carried on; the message names time and cause."""
+
+
+class KernelError(MannError, RuntimeError):
+    """The fused kernel could not be compiled or loaded on this machine."""

@@ -23,6 +23,17 @@ def leaves(tree: Any) -> list[Tensor]:
     return found
 
 
+def leaf_names(tree: Any) -> tuple[str, ...]:
+    """The field name of each of `leaves(tree)`."""
+    names: tuple[str, ...] = ()
+    for name, branch in zip(tree._fields, tree, strict=True):
+        if isinstance(branch, Tensor):
+            names += (name,)
+        elif branch is not None:
+            names += leaf_names(branch)
+    return names
+
+
 def map_tensors(function: Callable[..., Tensor], tree: Tree, *others: Tree) -> Tree:
     """Apply `function` to each tensor of `tree` (and its partners in `others`)."""
     if tree is None:
@@ -65,9 +76,13 @@ class Packer(Generic[Tree]):
             parts[i] = part.reshape(*part.shape[: part.dim() - len(shape)], self._sizes[i])
         return torch.cat(parts, dim=-1)
 
+    def split(self, flat: Tensor) -> tuple[Tensor, ...]:
+        """The leaves, each still flat (*batch, size)."""
+        return flat.split(self._sizes, dim=-1)
+
     def unpack(self, flat: Tensor) -> Tree:
         """The tree again, as views of `flat` where possible."""
-        parts = list(flat.split(self._sizes, dim=-1))
+        parts = list(self.split(flat))
         for i, shape in self._matrices:
             parts[i] = parts[i].unflatten(-1, shape)
         tree: Tree = self._build(parts)

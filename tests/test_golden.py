@@ -17,9 +17,13 @@ from experiments.results import Results
 from tests.conftest import CONTROLLERS, GOLDEN
 
 
-def golden_run(variant: str, scenarios: list[str], *overrides: str) -> tuple[Any, JobResult]:
+def config(*overrides: str) -> Any:
     weights = f"initial.weights_file={GOLDEN / 'initial_weights.npz'}"
-    cfg = OmegaConf.to_object(compose_job("reproduce", [weights, *overrides]))
+    return OmegaConf.to_object(compose_job("reproduce", [weights, *overrides]))
+
+
+def golden_run(variant: str, scenarios: list[str], *overrides: str) -> tuple[Any, JobResult]:
+    cfg = config(*overrides)
     job = Job(variant, cfg.variants[variant], scenarios)
     result = run_job(cfg, job, lambda _: None)
     assert all(status == "ok" for row in result.status for status in row)
@@ -35,27 +39,29 @@ def golden_checks(variant: str, scenarios: list[str], *overrides: str) -> list[C
     return found
 
 
-def test_a_330_s_run_agrees_and_compiled_steps_equal_eager_ones() -> None:
-    (check,) = golden_checks("soft", ["1"])
-    assert check.passed and check.allowed == 1.5, check
-    _, eager = golden_run("soft", ["1"], "horizon=0.2", "solver.compile=false")
-    _, fused = golden_run("soft", ["1"], "horizon=0.2")
-    np.testing.assert_allclose(fused.srmse, eager.srmse, rtol=1e-12)
-    assert eager.engine == "eager"
-    if shutil.which("g++"):
-        assert fused.engine == "compiled"
-
-
 @pytest.mark.parametrize("variant", CONTROLLERS)
-def test_the_illustration_agrees_for_every_controller(variant: str) -> None:
-    (check,) = golden_checks(variant, ["illustration"], "solver.compile=false")
-    assert check.passed, check
-    assert check.allowed == (3.0 if variant.startswith("reallocating") else 1.5)
+def test_every_golden_run_agrees_at_the_default_step(variant: str) -> None:
+    golden = golden_file(config())
+    assert golden is not None
+    scenarios = sorted(scenario for scenario, v in golden.runs if v == variant)
+    assert "illustration" in scenarios
+    for check in golden_checks(variant, scenarios):
+        assert check.passed, check
+        assert check.allowed == (3.0 if variant.startswith("reallocating") else 1.5)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("variant", ["nn", "soft"])
 def test_at_1_ms_smooth_controllers_agree_within_0_3_percent(variant: str) -> None:
     scenarios = sorted([*"123456", "illustration"])
     for check in golden_checks(variant, scenarios, "solver.dt=0.001"):
         assert check.passed and check.allowed == 0.3, check
+
+
+def test_compiled_steps_of_the_torch_engine_equal_eager_ones() -> None:
+    torch_engine = ("horizon=0.2", "solver.engine=torch")
+    _, eager = golden_run("soft", ["1"], *torch_engine, "solver.compile=false")
+    _, compiled = golden_run("soft", ["1"], *torch_engine)
+    np.testing.assert_allclose(compiled.srmse, eager.srmse, rtol=1e-12)
+    assert eager.engine == "eager"
+    if shutil.which("g++"):
+        assert compiled.engine == "compiled"

@@ -14,7 +14,8 @@ ALLOWED = {
     "control": BASE | {"memory"},
     "plants": BASE,
     "signals": BASE,
-    "simulation": BASE | {"memory", "control", "plants", "signals"},
+    "fused": BASE | {"memory", "control", "plants", "signals"},
+    "simulation": BASE | {"memory", "control", "plants", "signals", "fused"},
     "metrics": BASE | {"simulation"},
 }
 
@@ -40,7 +41,7 @@ def imported_parts(path: Path) -> set[str]:
 @pytest.mark.parametrize("layer", sorted(ALLOWED))
 def test_layer_imports_only_lower_layers(layer: str) -> None:
     folder = ROOT / "mann_torch" / layer
-    files = sorted(folder.glob("*.py")) if folder.is_dir() else [folder.with_suffix(".py")]
+    files = sorted(folder.rglob("*.py")) if folder.is_dir() else [folder.with_suffix(".py")]
     assert files
     for path in files:
         for name in imported_parts(path):
@@ -57,10 +58,11 @@ def test_base_files_import_only_each_other() -> None:
 
 
 def test_one_file_imports_torchdiffeq_and_none_hydra_or_tensorboard() -> None:
-    users: dict[str, list[str]] = {"torchdiffeq": [], "hydra": [], "tensorboard": []}
+    users: dict[str, list[str]] = {"torchdiffeq": [], "hydra": [], "tensorboard": [], "warp": []}
     for path in (ROOT / "mann_torch").rglob("*.py"):
         for name in imported_parts(path) & set(users):
             users[name].append(path.name)
+    assert set(users.pop("warp")) <= {p.name for p in (ROOT / "mann_torch/fused").rglob("*.py")}
     assert users == {"torchdiffeq": ["odeint.py"], "hydra": [], "tensorboard": []}
 
 

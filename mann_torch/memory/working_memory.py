@@ -156,7 +156,7 @@ class WorkingMemory(DesignModule):
         """Keep one unbatched state, mu (S, N), as the contents to start from.
 
         `active` (S,) bool says which slots are in use; all of them if not given. Raises
-        `ShapeError` for a batch.
+        `ShapeError` for a batch, `ConfigError` where no slot is active.
         """
         if state.mu.shape != self.initial_mu.shape or state.keys.shape != self.initial_keys.shape:
             raise ShapeError(
@@ -164,6 +164,8 @@ class WorkingMemory(DesignModule):
                 f"{tuple(self.initial_keys.shape)}; got {tuple(state.mu.shape)} and "
                 f"{tuple(state.keys.shape)}: choose one sample of the batch"
             )
+        if active is not None and not bool(active.any()):
+            raise ConfigError("store_: no slot is active; at least one must be in use")
         self.initial_mu.copy_(state.mu.detach())
         self.initial_keys.copy_(state.keys.detach())
         self.initial_active.copy_(

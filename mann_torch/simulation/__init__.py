@@ -4,7 +4,7 @@ from .closed_loop import ClosedLoop
 from .implicit import Implicit
 from .observation import attended_slot, observe
 from .odeint import METHODS, Odeint
-from .rollout import rollout
+from .rollout import ENGINES, check_engine, rollout
 from .scenario import Scenario
 from .solver import Flow, Solver
 from .trajectory import Status, Trajectory
@@ -13,6 +13,7 @@ from .trajectory import Status, Trajectory
 SOLVERS: tuple[str, ...] = ("implicit", *METHODS)
 
 __all__ = [
+    "ENGINES",
     "METHODS",
     "SOLVERS",
     "ClosedLoop",
@@ -24,6 +25,7 @@ __all__ = [
     "Status",
     "Trajectory",
     "attended_slot",
+    "check_engine",
     "observe",
     "rollout",
 ]

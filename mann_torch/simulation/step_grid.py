@@ -13,6 +13,15 @@ from ..errors import ConfigError
 
 # Knots closer together than this [s] count as one: no solver can step between them.
 MERGE = 1e-9
+# More rows than this are a slip of the pen.
+MAX_ROWS = 1e9
+
+
+def _check_interval(name: str, value: float, end: float = 0.0) -> None:
+    if not (math.isfinite(value) and value > 0):
+        raise ConfigError(f"{name} = {value}: must be finite and > 0")
+    if end > MAX_ROWS * value:
+        raise ConfigError(f"{name} = {value}: over {MAX_ROWS:.0e} intervals in {end:g} s")
 
 
 @dataclass(frozen=True)
@@ -31,8 +40,7 @@ class StepGrid:
     """
 
     def __init__(self, horizon: float, knots: Sequence[float], dt: float) -> None:
-        if not (math.isfinite(dt) and dt > 0):
-            raise ConfigError(f"dt = {dt}: must be finite and > 0")
+        _check_interval("dt", dt, horizon)
         edges: list[float] = [0.0]
         lookups: list[float] = [0.0]
         for knot in sorted(knots):
@@ -61,13 +69,35 @@ class StepGrid:
         """T."""
         return len(self.times) - 1
 
+    @property
+    def shares(self) -> Tensor:
+        """Time that the error at each step time stands for (T+1,) [s]: the step after it."""
+        sizes = self.times.diff()
+        return torch.cat([sizes, sizes[-1:]])
+
+    def counted(self, horizon: Tensor) -> Tensor:
+        """Which step times lie within each sample's horizon (...,): (T+1, ...) bool."""
+        return self.times.reshape(-1, *(1,) * horizon.dim()) <= horizon + MERGE
+
+    def motion_rows(self, motion_dt: float | None) -> list[int]:
+        """Indices of the grid times at or last before every multiple of `motion_dt` [s].
+
+        All indices if it is None; the last one always.
+        """
+        if motion_dt is None:
+            return list(range(self.n_steps + 1))
+        end = float(self.times[-1])
+        _check_interval("motion_dt", motion_dt, end)
+        wanted = torch.arange(int(end / motion_dt + 1e-9) + 1, dtype=torch.float64) * motion_dt
+        index = torch.searchsorted(self.times, wanted + MERGE, right=True) - 1
+        return sorted({*index.tolist(), self.n_steps})
+
     def samples(self, sample_dt: float, until: float | None = None) -> list[int]:
         """Indices of the grid times at or next after every multiple of `sample_dt` [s].
 
         The last one is always included; `until` [s] ends the sampling early.
         """
-        if not (math.isfinite(sample_dt) and sample_dt > 0):
-            raise ConfigError(f"sample_dt = {sample_dt}: must be finite and > 0")
+        _check_interval("sample_dt", sample_dt, float(self.times[-1]))
         if until is not None and not until >= 0:
             raise ConfigError(f"sample_until = {until}: must be >= 0")
         end = float(self.times[-1]) if until is None else min(until, float(self.times[-1]))

@@ -120,21 +120,24 @@ class Stepper:
         safe: Tensor,
         reference: Reference,
         coefficients: Coefficients,
-    ) -> Carry:
+    ) -> tuple[Carry, Tensor]:
         """The step again with the samples that are or fall dead held at their last state.
+
+        Also returns what those that fell came to, (..., M).
 
         They compute from `safe` (..., M), and stand still there, so that their numbers stay finite
         and no NaN of theirs reaches a shared gradient (`where` alone would pass it: 0 times NaN
         is NaN) or a shared step size.
         """
-        alive = carry.alive
+        alive, fallen = carry.alive, safe
         while True:
             y = torch.where(alive.unsqueeze(-1), carry.y, safe)
             after = self(t, h, carry._replace(y=y), reference, coefficients, alive)
             still = alive & after.alive
+            fallen = torch.where((alive & ~still).unsqueeze(-1), after.y.detach(), fallen)
             if bool((still == alive).all()):
                 break
             alive = still
         y = torch.where(alive.unsqueeze(-1), after.y, carry.y)
         mode = map_tensors(lambda new, old: pick(alive, new, old), after.mode, carry.mode)
-        return Carry(y, mode, alive)
+        return Carry(y, mode, alive), fallen

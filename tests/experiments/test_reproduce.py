@@ -16,7 +16,7 @@ from experiments.cli import compose_job
 from experiments.config import ReproduceConfig, RowConfig, SimulateConfig, TableConfig
 from experiments.golden import checks, golden_file
 from experiments.hydra_setup import group_names
-from experiments.jobs import JobResult, batched
+from experiments.jobs import JobResult, batches
 from experiments.masses import mass_schedule
 from experiments.plan import Job, plan
 from experiments.results import Results, interval
@@ -102,9 +102,9 @@ def test_workers_give_the_same_numbers_as_one_process(
 
 def test_batched_scenarios_keep_their_own_constants() -> None:
     cfg = config("draws=2")
-    experiment = batched(
-        cfg, Job("reallocating_initial", ["controller=reallocating_initial"], ["1", "6"])
-    )
+    job = Job("reallocating_initial", ["controller=reallocating_initial"], ["1", "3", "6"])
+    (names, experiment), (alone, _) = batches(cfg, job)
+    assert names == ["1", "6"] and alone == ["3"]  # scenario 3 is longer
     theta = experiment.loop.controller.constant("shift_threshold")
     assert theta.tolist() == [0.2, 0.2, 0.25, 0.25]
     assert experiment.scenario.parameters.lengths[:, 1].tolist() == [1.0, 1.0, 2.0, 2.0]

@@ -18,7 +18,12 @@ def test_without_a_compiler_the_run_goes_on_in_eager_and_says_so(tmp_path: Path)
     environment = {**os.environ, "CXX": "/nonexistent/c++"}
     environment["TORCHINDUCTOR_CACHE_DIR"] = str(tmp_path / "cache")
     command = [sys.executable, "-m", "experiments.simulate", "controller=nn", "horizon=0.05"]
-    command += ["solver.compile=true", f"run_dir={tmp_path / 'run'}", "output.tensorboard=false"]
+    command += [
+        "solver.engine=torch",
+        "solver.compile=true",
+        f"run_dir={tmp_path / 'run'}",
+        "output.tensorboard=false",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment)
     assert done.returncode == 0
     said = [line for line in (done.stdout + done.stderr).splitlines() if "using eager" in line]

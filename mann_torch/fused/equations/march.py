@@ -1,0 +1,158 @@
+"""The kernel: one thread a trajectory, the time loop inside."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+from ..form import Form
+from .guard import make_guard
+from .implicit import make_step
+from .sinusoid import make_reference
+from .types import make_types
+
+
+def make_march(form: Form, gamma: float, backward: bool) -> Any:
+    """The kernel of one form; with `backward`, its adjoint is compiled too.
+
+    Steps `first` to `last`: step k reads row (k - first) % ring of the tape and writes row
+    (k - first + 1) % ring, never a variable that the next step changes, so that the adjoint is
+    exact as long as the ring holds all rows. Times with a slot >= 0 go to the outputs, too. A
+    sample whose new state is out of range is held from there on: `stop` and `cause` say when and
+    why, and its steps from there on are not computed, forwards or backwards.
+    """
+    t: SimpleNamespace = make_types(form)
+    real, pair, square, State, Mode = t.real, t.pair, t.square, t.State, t.Mode
+    constants, coefficients, motion_row = t.constants, t.coefficients, t.motion_row
+    outer_weights, inner_weights, hidden_vector = t.outer_weights, t.inner_weights, t.hidden_vector
+    contents, key_matrix, slot_vector, counters = (
+        t.contents,
+        t.key_matrix,
+        t.slot_vector,
+        t.counters,
+    )
+    MEMORY, STATE_KEYS = form.n_slots > 0, form.keys == "state"
+    stepping, sample = make_step(form, t, gamma), make_reference(t).sample
+    step, trouble = stepping.step, make_guard(form, t, stepping.fn).trouble
+
+    @wp.kernel(module="unique", enable_backward=backward)
+    def march(
+        first: int,
+        last: int,
+        ring: int,
+        offset: int,
+        limit: real,
+        # the grid: (T+1,)
+        times: wp.array(dtype=real),
+        segment: wp.array(dtype=wp.int32),
+        motion_slot: wp.array(dtype=wp.int32),
+        state_slot: wp.array(dtype=wp.int32),
+        share: wp.array(dtype=real),
+        # the task: (B,), coefficients (segments, B)
+        horizon: wp.array(dtype=real),
+        amplitude: wp.array(dtype=pair),
+        frequency: wp.array(dtype=pair),
+        reference_offset: wp.array(dtype=pair),
+        error_gain: wp.array(dtype=square),
+        constant: wp.array(dtype=constants),
+        coefficient: wp.array2d(dtype=coefficients),
+        # the tape: (ring, B)
+        q: wp.array2d(dtype=pair),
+        qd: wp.array2d(dtype=pair),
+        W: wp.array2d(dtype=outer_weights),
+        b_w: wp.array2d(dtype=pair),
+        V: wp.array2d(dtype=inner_weights),
+        b_v: wp.array2d(dtype=hidden_vector),
+        mu: wp.array2d(dtype=contents),
+        keys: wp.array2d(dtype=key_matrix),
+        squared: wp.array2d(dtype=pair),
+        active: wp.array2d(dtype=slot_vector),
+        counts: wp.array2d(dtype=counters),
+        # outputs: (slots, B)
+        motion: wp.array2d(dtype=motion_row),
+        q_out: wp.array2d(dtype=pair),
+        qd_out: wp.array2d(dtype=pair),
+        W_out: wp.array2d(dtype=outer_weights),
+        b_w_out: wp.array2d(dtype=pair),
+        V_out: wp.array2d(dtype=inner_weights),
+        b_v_out: wp.array2d(dtype=hidden_vector),
+        mu_out: wp.array2d(dtype=contents),
+        keys_out: wp.array2d(dtype=key_matrix),
+        active_out: wp.array2d(dtype=slot_vector),
+        counts_out: wp.array2d(dtype=counters),
+        # how it ended: (B,)
+        stop: wp.array(dtype=wp.int32),
+        cause: wp.array(dtype=wp.int32),
+    ):
+        b = wp.tid() + offset
+        for k in range(first, last):
+            i = (k - first) % ring
+            j = (k - first + 1) % ring
+            y = State()
+            y.q = q[i, b]
+            y.qd = qd[i, b]
+            y.W = W[i, b]
+            y.b_w = b_w[i, b]
+            y.V = V[i, b]
+            y.b_v = b_v[i, b]
+            mode = Mode()
+            if MEMORY:
+                y.mu = mu[i, b]
+                mode.active = active[i, b]
+                mode.counts = counts[i, b]
+            if STATE_KEYS:
+                y.keys = keys[i, b]
+            total = squared[i, b]
+            new = y
+            new_mode = mode
+            s_1 = sample(times[k + 1], amplitude[b], frequency[b], reference_offset[b])
+            if k < stop[b]:
+                s_0 = sample(times[k], amplitude[b], frequency[b], reference_offset[b])
+                h = times[k + 1] - times[k]
+                gain, c, coef = error_gain[b], constant[b], coefficient[segment[k], b]
+                out = step(y, mode, s_0, s_1, h, gain, c, coef)
+                found = trouble(out.y, limit)
+                if found == 0:
+                    new = out.y
+                    new_mode = out.mode
+                else:
+                    stop[b] = k
+                    cause[b] = found
+            q[j, b] = new.q
+            qd[j, b] = new.qd
+            W[j, b] = new.W
+            b_w[j, b] = new.b_w
+            V[j, b] = new.V
+            b_v[j, b] = new.b_v
+            if MEMORY:
+                mu[j, b] = new.mu
+                active[j, b] = new_mode.active
+                counts[j, b] = new_mode.counts
+            if STATE_KEYS:
+                keys[j, b] = new.keys
+            # From here on what is needed comes from the tape, see `replay_step`.
+            q_1 = q[j, b]
+            qd_1 = qd[j, b]
+            if k < stop[b] and times[k + 1] <= horizon[b] + real(1e-9):
+                error = s_1.q - q_1
+                total = total + share[k + 1] * wp.cw_mul(error, error)
+            squared[j, b] = total
+            slot = motion_slot[k + 1]
+            if slot >= 0:
+                motion[slot, b] = motion_row(q_1[0], q_1[1], qd_1[0], qd_1[1], total[0], total[1])
+            kept = state_slot[k + 1]
+            if kept >= 0:
+                q_out[kept, b] = new.q
+                qd_out[kept, b] = new.qd
+                W_out[kept, b] = new.W
+                b_w_out[kept, b] = new.b_w
+                V_out[kept, b] = new.V
+                b_v_out[kept, b] = new.b_v
+                if MEMORY:
+                    mu_out[kept, b] = new.mu
+                    active_out[kept, b] = new_mode.active
+                    counts_out[kept, b] = new_mode.counts
+                if STATE_KEYS:
+                    keys_out[kept, b] = new.keys
+
+    return march

@@ -1,0 +1,150 @@
+"""The rollout as one fused kernel: which tasks it takes, and how it takes them."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import cast
+
+import torch
+from torch import Tensor
+from torch.autograd import forward_ad
+
+from ..control import MannController
+from ..errors import ConfigError
+from ..fused import LEAVES, Grid, Job, Kept, form_of, march, missing, unfused_part
+from ..fused.pack import pack_inputs, pack_mode, unpack_mode
+from ..plants import TwoLinkArm
+from ..signals import Sinusoid
+from ..trees import leaf_names, map_tensors
+from ..types import ControllerState, LoopState, MemoryState, NetworkState, PlantState
+from .closed_loop import ClosedLoop
+from .implicit import GAMMA, Implicit
+from .scenario import Scenario
+from .solver import Solver
+from .task import Record, Task
+from .trajectory import Status
+
+KINDS = (Status.OK, Status.DIVERGED, Status.NOT_FINITE)
+
+
+def obstacle(loop: ClosedLoop, scenario: Scenario, solver: Solver) -> str | None:
+    """Why the fused engine can't run this, in a few words; None if it can."""
+    if type(loop) is not ClosedLoop:
+        return f"{type(loop).__name__} has no fused form"
+    if type(solver) is not Implicit:
+        return f"solver {solver.name} has no fused form"
+    if any(module._forward_hooks or module._forward_pre_hooks for module in loop.modules()):
+        return "forward hooks are not called by the fused engine"
+    if torch._C._are_functorch_transforms_active() or forward_ad._current_level >= 0:
+        return "torch.func and forward-mode differentiation need the torch engine"
+    return unfused_part(loop.plant, loop.controller, scenario.reference) or missing()
+
+
+def check_device(device: str) -> None:
+    """Raise `ConfigError` for a device that is not here."""
+    found = ["cpu"] + [f"cuda:{i}" for i in range(torch.cuda.device_count())]
+    if device not in found and not (device == "cuda" and len(found) > 1):
+        raise ConfigError(f"device = '{device}': this machine has {', '.join(found)}")
+
+
+def run(task: Task, reason: str) -> Record:
+    """One launch of the fused kernel, or as many as progress and memory ask for."""
+    device = "cuda:0" if task.device == "cuda" else task.device
+    batch, n = task.batch, task.state.plant.q.shape[-1]
+    plant = cast(TwoLinkArm, task.loop.plant)
+    lookups = torch.tensor([part.lookup for part in task.grid.segments], dtype=torch.float64)
+    coefficients = [plant.coefficients(task.scenario.parameters_at(t)) for t in lookups]
+    form = form_of(
+        cast(MannController, task.loop.controller),
+        coulomb=any(c.coulomb is not None for c in coefficients),
+        follow_reference=cast(Implicit, task.solver).follow_reference,
+    )
+    inputs = pack_inputs(
+        form,
+        cast(Sinusoid, task.reference),
+        task.loop.controller,
+        coefficients,
+        plant.coulomb_velocity,
+        task.state,
+        task.grid.shares[0],
+    )
+    active, counts = pack_mode(task.mode)
+    there = partial(_moved, device=device)
+    job = Job(
+        form=form,
+        gamma=GAMMA,
+        grid=map_tensors(there, _grid(task)),
+        horizon=there(task.horizon.reshape(-1)),
+        active=map_tensors(there, active),
+        counts=map_tensors(there, counts),
+        limit=task.limit,
+        device=device,
+        tape_memory=task.tape_memory,
+        progress=task.progress,
+    )
+    found = march(job, map_tensors(there, inputs))
+    kept = map_tensors(partial(_moved, device="cpu"), found)
+    failed = kept.stop < task.grid.n_steps
+    done = task.grid.n_steps if not bool(failed.all()) else int(kept.stop.max()) + 1
+    rows = sum(k <= done for k in task.motion_rows)
+    samples = sum(k <= done for k in task.state_rows)
+    motion = kept.motion[:rows].reshape(rows, *batch, 3 * n)
+    shape = (samples, *batch)
+    kind = torch.tensor([int(code) for code in KINDS])[(kept.cause % 10).long()]
+    return Record(
+        motion=motion[..., : 2 * n],
+        squared_error=motion[..., 2 * n :],
+        states=_states(task.state, kept, shape),
+        modes=unpack_mode(_first(kept.active, samples), _first(kept.counts, samples), shape),
+        final_mode=unpack_mode(kept.last_active, kept.last_counts, batch),
+        stopped=torch.where(failed, kept.stop, -1).long().reshape(batch),
+        kind=kind.reshape(batch),
+        leaf=(_leaf_numbers(task.state)[(kept.cause // 10).long()]).reshape(batch),
+        engine="fused",
+        reason=reason,
+    )
+
+
+def _moved(tensor: Tensor, device: str) -> Tensor:
+    return tensor.to(device)
+
+
+def _first(value: Tensor | None, rows: int) -> Tensor | None:
+    return None if value is None else value[:rows]
+
+
+def _grid(task: Task) -> Grid:
+    grid = task.grid
+    segment = torch.zeros(grid.n_steps, dtype=torch.int32)
+    for number, part in enumerate(grid.segments):
+        segment[part.first : part.last] = number
+    slots = []
+    for rows in (task.motion_rows, task.state_rows):
+        slot = torch.full((grid.n_steps + 1,), -1, dtype=torch.int32)
+        slot[rows] = torch.arange(len(rows), dtype=torch.int32)
+        slots.append(slot)
+    return Grid(grid.times, segment, slots[0], slots[1], grid.shares)
+
+
+def _states(start: LoopState, kept: Kept, shape: tuple[int, ...]) -> LoopState:
+    """Kept leaves (K, B, *event) as a tree of (K, ..., *event)."""
+
+    def leaf(value: Tensor) -> Tensor:
+        return value[: shape[0]].reshape(*shape, *value.shape[2:])
+
+    memory = None
+    if start.controller.memory is not None and kept.mu is not None:
+        if kept.keys is None:  # representation keys: (..., S, 0)
+            keys = start.controller.memory.keys.expand(*shape, -1, -1)
+        else:
+            keys = leaf(kept.keys)
+        memory = MemoryState(leaf(kept.mu), keys)
+    network = NetworkState(leaf(kept.W), leaf(kept.b_w), leaf(kept.V), leaf(kept.b_v))
+    plant = PlantState(leaf(kept.q), leaf(kept.qd))
+    return LoopState(plant, ControllerState(network, memory))
+
+
+def _leaf_numbers(state: LoopState) -> Tensor:
+    """Index in `leaf_names(state)` by the kernel's leaf number + 1; -1 for none."""
+    names = leaf_names(state)
+    return torch.tensor([-1, *(names.index(n) if n in names else -1 for n in LEAVES)])

@@ -1,0 +1,94 @@
+"""Steps of a whole batch in PyTorch: any loop, any solver."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from ..trees import Packer, map_tensors
+from ..types import LoopState
+from .stepping import Carry, Stepper
+from .task import Record, Task
+from .trajectory import Status
+
+
+def run(task: Task, reason: str) -> Record:
+    """Jump, flow, record; autograd runs through all of it."""
+    loop, grid, batch = task.loop, task.grid, task.batch
+    n = task.state.plant.q.shape[-1]
+    packer = Packer(task.state, len(batch))
+    y = packer.pack(task.state)
+    stepper = Stepper(loop, task.solver, packer, task.limit)
+    carry = Carry(y, task.mode, torch.ones(batch, dtype=torch.bool))
+    safe = fallen = torch.zeros_like(y, requires_grad=False)
+    stopped = torch.full(batch, -1)
+    sampled = set(task.state_rows)
+    motion, kept = [y[..., : 2 * n].clone()], [carry] if 0 in sampled else []
+    times, sizes = grid.times.unbind(), grid.times.diff().unbind()
+    n_alive, done = carry.alive.numel(), 0
+    for segment in grid.segments:
+        lookup = torch.tensor(segment.lookup, dtype=torch.float64)
+        coefficients = loop.plant.coefficients(task.scenario.parameters_at(lookup))
+        for k in range(segment.first, segment.last):
+            arguments = (task.reference, coefficients)
+            before = carry
+            if n_alive == before.alive.numel():
+                carry = stepper(times[k], sizes[k], before, *arguments)
+            if n_alive < before.alive.numel() or not bool(carry.alive.all()):
+                carry, bad = stepper.without_dead(times[k], sizes[k], before, safe, *arguments)
+                fell = before.alive & ~carry.alive
+                stopped = torch.where(fell, k, stopped)
+                fallen = torch.where(fell.unsqueeze(-1), bad, fallen)
+                n_alive = int(carry.alive.sum())
+            motion.append(carry.y[..., : 2 * n].clone())
+            if k + 1 in sampled:
+                kept.append(carry)
+            done += 1
+            if task.progress is not None and done % 100 == 0:
+                task.progress(100)
+            if n_alive == 0:
+                break
+        if n_alive == 0:
+            break
+    if task.progress is not None:
+        task.progress(done % 100)
+    track = torch.stack(motion)
+    rows = [k for k in task.motion_rows if k <= done]
+    squared = _squared_error(task, track[..., :n], stopped)
+    kind, leaf = _causes(packer, fallen, stopped, task.limit)
+    return Record(
+        motion=track[rows],
+        squared_error=squared[rows],
+        states=packer.unpack(torch.stack([c.y for c in kept])),
+        modes=map_tensors(lambda *leaves: torch.stack(leaves), *[c.mode for c in kept]),
+        final_mode=carry.mode,
+        stopped=stopped,
+        kind=kind,
+        leaf=leaf,
+        engine=stepper.engine,
+        reason=reason,
+    )
+
+
+def _squared_error(task: Task, q: Tensor, stopped: Tensor) -> Tensor:
+    """Running sum of e^2 times its share of time, up to each sample's horizon or failure."""
+    index = torch.arange(len(q)).reshape(-1, *(1,) * len(task.batch))
+    counted = task.grid.counted(task.horizon)[: len(q)] & ((stopped < 0) | (index <= stopped))
+    share = task.grid.shares[: len(q)].reshape(index.shape) * counted
+    error = task.reference(task.grid.times[: len(q)]).q - q
+    return (share.unsqueeze(-1) * error.square()).cumsum(dim=0)
+
+
+def _causes(
+    packer: Packer[LoopState], fallen: Tensor, stopped: Tensor, limit: float
+) -> tuple[Tensor, Tensor]:
+    """Status and number of the first leaf out of range of each sample that failed."""
+    kind = torch.full_like(stopped, int(Status.OK))
+    leaf = torch.full_like(stopped, -1)
+    for number, part in enumerate(packer.split(fallen)):
+        finite = torch.isfinite(part).all(dim=-1)
+        bad = (stopped >= 0) & (leaf < 0) & ~(part.abs() < limit).all(dim=-1)
+        code = torch.where(finite, int(Status.DIVERGED), int(Status.NOT_FINITE))
+        kind = torch.where(bad, code, kind)
+        leaf = torch.where(bad, number, leaf)
+    return kind, leaf
