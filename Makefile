@@ -1,9 +1,9 @@
-# make reproduce | make test | make install | make check
+# make reproduce | make test | make install | make check | make bench
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 PY := .venv/bin/python
 ARGS ?=
 
-.PHONY: install reproduce test lint check
+.PHONY: install reproduce test lint check bench
 
 install: .venv/installed
 
@@ -31,3 +31,8 @@ test: lint
 # The slow checks too: torchdiffeq over 20 s, golden numbers at 1 ms.
 check: lint
 	$(PY) -m pytest -n 2 --dist worksteal -q -m "slow or not slow" $(ARGS)
+
+# Every engine in one run, with JAX and diffrax as peers; writes BENCHMARKS.md.
+bench: install
+	@$(PY) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,bench]'
+	$(PY) -m experiments.benchmark $(ARGS)

@@ -76,7 +76,7 @@ class ScenarioConfig:
 @dataclass
 class SolverConfig:
     name: str = MISSING
-    dt: float = 5e-3
+    dt: float = 5e-3  # [s] for torchdiffeq's methods; conf/solver/implicit.yaml has its own
     rtol: float = 1e-5
     atol: float = 1e-8
     max_step: float | None = None
