@@ -50,6 +50,7 @@ def test_every_golden_run_agrees_at_the_default_step(variant: str) -> None:
         assert check.allowed == (3.0 if variant.startswith("reallocating") else 1.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variant", ["nn", "soft"])
 def test_at_1_ms_smooth_controllers_agree_within_0_3_percent(variant: str) -> None:
     scenarios = sorted([*"123456", "illustration"])
@@ -57,6 +58,7 @@ def test_at_1_ms_smooth_controllers_agree_within_0_3_percent(variant: str) -> No
         assert check.passed and check.allowed == 0.3, check
 
 
+@pytest.mark.slow
 def test_compiled_steps_of_the_torch_engine_equal_eager_ones() -> None:
     torch_engine = ("horizon=0.2", "solver.engine=torch")
     _, eager = golden_run("soft", ["1"], *torch_engine, "solver.compile=false")

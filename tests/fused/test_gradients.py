@@ -32,7 +32,13 @@ def gradients(made: Case, free: dict[str, Tensor], **options: object) -> dict[st
     return {name: g for name, g in zip(free, found, strict=True) if g is not None}
 
 
-@pytest.mark.parametrize("name", NAMES)
+#: The others are minutes of compiling: `make check`.
+QUICK = ("nn", "soft", "reallocating_always_state_keys")
+
+
+@pytest.mark.parametrize(
+    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in NAMES]
+)
 def test_equal_to_torch_autograd_over_two_seconds(name: str) -> None:
     made, free = freed(case(name, 2.0, batch=2))
     expected, found = (gradients(made, free, engine=engine) for engine in ("torch", "fused"))
