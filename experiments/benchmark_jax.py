@@ -17,7 +17,7 @@ from jax import Array
 
 from mann_torch.plants import TwoLinkArm
 from mann_torch.simulation.implicit import GAMMA
-from mann_torch.simulation.step_grid import StepGrid
+from mann_torch.simulation.step_grid import StepGrid, shares_of
 
 from .build import Experiment
 
@@ -62,7 +62,7 @@ class Peer:
             jnp.asarray(grid.times[:-1].numpy()),
             jnp.asarray(grid.times.diff().numpy()),
             jnp.asarray(index),
-            jnp.asarray(grid.shares[1:].numpy()),
+            jnp.asarray(shares_of(grid.times)[1:].numpy()),
         )
         self.horizon = horizon
         network = [jnp.asarray(leaf.numpy()) for leaf in made.network]

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from .errors import ConfigError
 from .simulation import Status, Trajectory
-from .simulation.step_grid import MERGE
+from .simulation.step_grid import MERGE, counted_in, shares_of
 
 
 def srmse(trajectory: Trajectory, after: float | None = None) -> Tensor:
@@ -22,14 +22,13 @@ def srmse(trajectory: Trajectory, after: float | None = None) -> Tensor:
     Raises `ConfigError` where `motion_dt` kept no motion at `after`.
     """
     step_t, horizon = trajectory.step_t, trajectory.horizon
-    sizes = torch.diff(step_t)
-    column = step_t.reshape(-1, *(1,) * horizon.dim())
-    counted = column <= horizon + MERGE
+    counted = counted_in(step_t, horizon)
     total = trajectory.squared_error[-1]
-    shares = torch.cat([sizes, sizes[-1:]]).reshape(column.shape)
+    column = (-1, *(1,) * horizon.dim())
+    shares = shares_of(step_t).reshape(column)
     if after is not None:
         later = step_t > after + MERGE
-        counted = counted & later.reshape(column.shape)
+        counted = counted & later.reshape(column)
         rows = len(trajectory.t)
         if torch.equal(trajectory.t, step_t[:rows]):
             # All motion is kept: no difference of integrals, which would lose a small late error.

@@ -92,7 +92,7 @@ class Marcher:
 
     @_torch_on_one_thread()
     def forward(self) -> list[dict[str, Tensor]]:
-        """Run all steps. Returns what each segment but the last started from (with `backward`)."""
+        """Run all steps. Returns what each segment started from; nothing where there is one."""
         self._make_tape()
         self._put(0, self._start)
         self._keep_start()
@@ -177,8 +177,9 @@ class Marcher:
     ) -> dict[str, Tensor]:
         """Gradients by name of `Inputs`, from those of the outputs by name of kernel argument.
 
-        With `starts` each segment is computed again, last one first. Every step adds its part to
-        a gradient in the same order as without segments: the result is the same to the last bit.
+        Unless the forward pass left its whole tape, each segment is computed again, last one first.
+        Every step adds its part to a gradient in the same order as without segments: the result is
+        the same to the last bit.
         """
         given = {name: value.contiguous() for name, value in outputs.items() if value is not None}
         found = {name: torch.zeros_like(self._fixed[name]) for name in PARAMETERS}

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
-import shutil
 from collections.abc import Callable
 from typing import Any
 
@@ -13,12 +11,6 @@ import torch._dynamo
 from torch._dynamo.exc import TorchDynamoException
 
 log = logging.getLogger("mann_torch")
-
-
-def cpp_compiler() -> str | None:
-    """The C++ compiler that torch.compile would use on a CPU, or None."""
-    named = os.environ.get("CXX")
-    return next(filter(None, map(shutil.which, [named] if named else ["g++", "clang++"])), None)
 
 
 class CompiledOrEager:

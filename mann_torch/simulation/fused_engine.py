@@ -21,6 +21,7 @@ from .closed_loop import ClosedLoop
 from .implicit import GAMMA, Implicit
 from .scenario import Scenario
 from .solver import Solver
+from .step_grid import shares_of
 from .task import Record, Task
 from .trajectory import Status
 
@@ -66,7 +67,7 @@ def run(task: Task, reason: str) -> Record:
         coefficients,
         plant.coulomb_velocity,
         task.state,
-        task.grid.shares[0],
+        shares_of(task.grid.times)[0],
     )
     active, counts = pack_mode(task.mode)
     there = partial(_moved, device=device)
@@ -123,7 +124,7 @@ def _grid(task: Task) -> Grid:
         slot = torch.full((grid.n_steps + 1,), -1, dtype=torch.int32)
         slot[rows] = torch.arange(len(rows), dtype=torch.int32)
         slots.append(slot)
-    return Grid(grid.times, segment, slots[0], slots[1], grid.shares)
+    return Grid(grid.times, segment, slots[0], slots[1], shares_of(grid.times))
 
 
 def _states(start: LoopState, kept: Kept, shape: tuple[int, ...]) -> LoopState:

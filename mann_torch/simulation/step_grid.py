@@ -17,6 +17,17 @@ MERGE = 1e-9
 MAX_ROWS = 1e9
 
 
+def shares_of(times: Tensor) -> Tensor:
+    """Time that the error at each step time stands for (T+1,) [s]: the step after it."""
+    sizes = times.diff()
+    return torch.cat([sizes, sizes[-1:]])
+
+
+def counted_in(times: Tensor, horizon: Tensor) -> Tensor:
+    """Which step times lie within each sample's horizon (...,): (T+1, ...) bool."""
+    return times.reshape(-1, *(1,) * horizon.dim()) <= horizon + MERGE
+
+
 def _check_interval(name: str, value: float, end: float = 0.0) -> None:
     if not (math.isfinite(value) and value > 0):
         raise ConfigError(f"{name} = {value}: must be finite and > 0")
@@ -68,16 +79,6 @@ class StepGrid:
     def n_steps(self) -> int:
         """T."""
         return len(self.times) - 1
-
-    @property
-    def shares(self) -> Tensor:
-        """Time that the error at each step time stands for (T+1,) [s]: the step after it."""
-        sizes = self.times.diff()
-        return torch.cat([sizes, sizes[-1:]])
-
-    def counted(self, horizon: Tensor) -> Tensor:
-        """Which step times lie within each sample's horizon (...,): (T+1, ...) bool."""
-        return self.times.reshape(-1, *(1,) * horizon.dim()) <= horizon + MERGE
 
     def motion_rows(self, motion_dt: float | None) -> list[int]:
         """Indices of the grid times at or last before every multiple of `motion_dt` [s].

@@ -7,6 +7,7 @@ from torch import Tensor
 
 from ..trees import Packer, map_tensors
 from ..types import LoopState
+from .step_grid import counted_in, shares_of
 from .stepping import Carry, Stepper
 from .task import Record, Task
 from .trajectory import Status
@@ -73,8 +74,10 @@ def run(task: Task, reason: str) -> Record:
 def _squared_error(task: Task, q: Tensor, stopped: Tensor) -> Tensor:
     """Running sum of e^2 times its share of time, up to each sample's horizon or failure."""
     index = torch.arange(len(q)).reshape(-1, *(1,) * len(task.batch))
-    counted = task.grid.counted(task.horizon)[: len(q)] & ((stopped < 0) | (index <= stopped))
-    share = task.grid.shares[: len(q)].reshape(index.shape) * counted
+    counted = counted_in(task.grid.times, task.horizon)[: len(q)] & (
+        (stopped < 0) | (index <= stopped)
+    )
+    share = shares_of(task.grid.times)[: len(q)].reshape(index.shape) * counted
     error = task.reference(task.grid.times[: len(q)]).q - q
     return (share.unsqueeze(-1) * error.square()).cumsum(dim=0)
 
