@@ -21,9 +21,9 @@ from .memory import (
     StateKeys,
     WorkingMemory,
 )
-from .metrics import reallocations, srmse, switches
+from .metrics import peak_torque, reallocations, srmse, switches, torque_rate
 from .plants import ArmParameters, Plant, TwoLinkArm, arm_parameters
-from .signals import PiecewiseConstant, Reference, Sinusoid
+from .signals import MeasurementNoise, PiecewiseConstant, Reference, Sinusoid
 from .simulation import (
     ClosedLoop,
     Implicit,
@@ -51,6 +51,7 @@ __all__ = [
     "KeyRule",
     "MannController",
     "MannError",
+    "MeasurementNoise",
     "NetworkState",
     "Odeint",
     "PiecewiseConstant",
@@ -74,8 +75,10 @@ __all__ = [
     "arm_parameters",
     "equal_parameter_hidden",
     "observe",
+    "peak_torque",
     "reallocations",
     "rollout",
     "srmse",
     "switches",
+    "torque_rate",
 ]

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from .errors import ConfigError
-from .simulation import Status, Trajectory
+from .simulation import Effort, Status, Trajectory
 from .simulation.step_grid import MERGE, counted_in, shares_of
 
 
@@ -37,12 +37,8 @@ def srmse(trajectory: Trajectory, after: float | None = None) -> Tensor:
         else:
             until = _integral_until(trajectory, int((~later).sum()) - 1)
             total = (total - until).clamp(min=0.0)
-    length = (shares * counted).sum(dim=0).unsqueeze(-1)
-    ok = (trajectory.status == int(Status.OK)).unsqueeze(-1) & (length > 0)
-    mean = total / torch.where(ok, length, 1.0)
-    moved = ok & (mean > 0)  # the root's slope at 0 counts as 0
-    root = torch.where(moved, torch.where(moved, mean, 1.0).sqrt(), 0.0)
-    return torch.where(ok, root, torch.nan)
+    length = (shares * counted).sum(dim=0)
+    return _root_mean(total, length, (trajectory.status == int(Status.OK)) & (length > 0))
 
 
 def _integral_until(trajectory: Trajectory, step: int) -> Tensor:
@@ -58,6 +54,45 @@ def _integral_until(trajectory: Trajectory, step: int) -> Tensor:
             f"no motion was kept at t = {float(time):.6g} s: take a motion_dt that divides `after`"
         )
     return trajectory.squared_error[row]
+
+
+def torque_rate(trajectory: Trajectory) -> Tensor:
+    """Root mean square torque rate per joint, (..., n) [N m/s].
+
+    What changes in the torque from one step's start to the next, over the step between: what noise
+    on the measurements costs an actuator. NaN for a sample that diverged. Raises `ConfigError`
+    where the rollout was not asked for effort.
+    """
+    effort = _effort(trajectory)
+    starts, horizon = trajectory.step_t[:-1], trajectory.horizon
+    inside = counted_in(trajectory.step_t[1:], horizon)
+    span = torch.where(inside, starts.reshape(-1, *(1,) * horizon.dim()), 0.0).amax(dim=0)
+    ok = (trajectory.status == int(Status.OK)) & (span > 0)
+    return _root_mean(effort.rate_square[-1], span, ok)
+
+
+def peak_torque(trajectory: Trajectory) -> Tensor:
+    """Largest |torque| per joint since the rollout's `effort_after`, (..., n) [N m].
+
+    NaN for a sample that diverged. Raises `ConfigError` where the rollout was not asked for effort.
+    """
+    peak = _effort(trajectory).peak[-1]
+    return torch.where((trajectory.status == int(Status.OK)).unsqueeze(-1), peak, torch.nan)
+
+
+def _effort(trajectory: Trajectory) -> Effort:
+    if trajectory.effort is None:
+        raise ConfigError("effort was not measured: give rollout an `effort_after`")
+    return trajectory.effort
+
+
+def _root_mean(total: Tensor, length: Tensor, ok: Tensor) -> Tensor:
+    """sqrt(total (..., n) / length (...,)); NaN where not ok, and slope 0 at 0."""
+    ok = ok.unsqueeze(-1)
+    mean = total / torch.where(ok, length.unsqueeze(-1), 1.0)
+    moved = ok & (mean > 0)
+    root = torch.where(moved, torch.where(moved, mean, 1.0).sqrt(), 0.0)
+    return torch.where(ok, root, torch.nan)
 
 
 def reallocations(trajectory: Trajectory) -> Tensor:

@@ -15,7 +15,7 @@ from .job import LEAVES, Inputs, Job
 class Kept(NamedTuple):
     """What a fused rollout keeps: T' motion rows and K state rows; None where there is no such."""
 
-    motion: Tensor  # (T', B, 3n): q, qd, running sum of squared error times its share of time
+    motion: Tensor  # (T', B, 3n or 5n), columns as in `job.MOTION`
     q: Tensor  # (K, B, n), the state from here on
     qd: Tensor  # (K, B, n)
     W: Tensor  # (K, B, N, n)

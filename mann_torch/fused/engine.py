@@ -12,7 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from .job import CARRIED, PARAMETERS, Inputs, Job
+from .job import CARRIED, LEAVES, MOTION, PARAMETERS, Inputs, Job
 from .kernels import Launch, kernel, pool
 
 #: Steps times samples of one launch on a core: about half a second, so that progress shows and
@@ -61,12 +61,13 @@ class Marcher:
         self._ring = self.span + 1 if backward else 2
         self._tape: dict[str, Tensor] = {}
         rows = {"motion": int(grid.motion_slot.max()) + 1, "state": int(grid.state_slot.max()) + 1}
-        n = inputs.q.shape[-1]
-        self.motion = inputs.q.new_empty((rows["motion"], self.batch, 3 * n))
+        self._in_motion = [name for name in MOTION if name in self._start]
+        width = sum(self._start[name].shape[-1] for name in self._in_motion)
+        self.motion = inputs.q.new_empty((rows["motion"], self.batch, width))
         self.kept = {
             name: value.new_empty((rows["state"], *value.shape))
             for name, value in self._start.items()
-            if name != "squared"
+            if name in (*LEAVES, "active", "counts")
         }
         start = {"device": inputs.q.device, "dtype": torch.int32}
         self.stop = torch.full((self.batch,), self.n_steps, **start)  # type: ignore[call-overload]
@@ -74,6 +75,10 @@ class Marcher:
         self._fixed: dict[str, Any] = {
             "ring": self._ring,
             "limit": job.limit,
+            "effort_after": job.effort_after,
+            "noise_std": job.noise_std,
+            "noise_row": job.noise_row,
+            "noise_unit": job.noise_unit,
             "horizon": job.horizon,
             "stop": self.stop,
             "cause": self.cause,
@@ -129,7 +134,7 @@ class Marcher:
         """What is kept of t = 0; the kernel writes what follows a step."""
         grid, start = self.job.grid, self._start
         if int(grid.motion_slot[0]) == 0:
-            self.motion[0] = torch.cat([start["q"], start["qd"], start["squared"]], dim=-1)
+            self.motion[0] = torch.cat([start[name] for name in self._in_motion], dim=-1)
         if int(grid.state_slot[0]) == 0:
             for name, value in self.kept.items():
                 value[0] = start[name]
@@ -224,8 +229,9 @@ class Marcher:
         """Gradients of what was kept of t = 0."""
         grid = self.job.grid
         if "motion" in given and int(grid.motion_slot[0]) == 0:
+            sizes = [back[name].shape[-1] for name in self._in_motion]
             for name, part in zip(
-                ("q", "qd", "squared"), given["motion"][0].chunk(3, -1), strict=True
+                self._in_motion, given["motion"][0].split(sizes, -1), strict=True
             ):
                 back[name] += part
         if int(grid.state_slot[0]) == 0:

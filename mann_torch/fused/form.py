@@ -67,6 +67,8 @@ class Form:
     scaled_reset: bool
     coulomb: bool  # the arm has Coulomb friction
     follow_reference: bool
+    noise: bool  # on what is measured
+    effort: bool  # torque rates and peaks are kept
 
     @property
     def reallocates(self) -> bool:
@@ -92,11 +94,20 @@ def unfused_part(plant: Plant, controller: Controller, reference: Reference) -> 
     return None
 
 
-def form_of(controller: MannController, *, coulomb: bool, follow_reference: bool) -> Form:
+def form_of(
+    controller: MannController,
+    *,
+    coulomb: bool,
+    follow_reference: bool,
+    noise: bool = False,
+    effort: bool = False,
+) -> Form:
     """The form of a loop without an `unfused_part`."""
     memory, n_hidden = controller.memory, controller.network.n_hidden
     if memory is None:
-        return Form(n_hidden, 0, "none", "none", False, True, coulomb, follow_reference)
+        return Form(
+            n_hidden, 0, "none", "none", False, True, coulomb, follow_reference, noise, effort
+        )
     attention = memory.attention
     return Form(
         n_hidden=n_hidden,
@@ -107,4 +118,6 @@ def form_of(controller: MannController, *, coulomb: bool, follow_reference: bool
         scaled_reset=memory.reset == "scaled",
         coulomb=coulomb,
         follow_reference=follow_reference,
+        noise=noise,
+        effort=effort,
     )

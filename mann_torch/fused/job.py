@@ -29,11 +29,15 @@ class Inputs(NamedTuple):
     mu: Tensor | None  # (B, S, N)
     keys: Tensor | None  # (B, S, n)
     squared: Tensor  # (B, n), squared error at t = 0 times its share of time
+    torque: Tensor | None  # (B, n), of the step before; None where effort is not measured
+    effort: Tensor | None  # (B, 2n), integral of squared torque rates, and peak torques
 
 
 PARAMETERS = Inputs._fields[:6]
 LEAVES = Inputs._fields[6:14]
 CARRIED = Inputs._fields[6:]
+#: What a row of the kept motion holds, one after the other.
+MOTION = ("q", "qd", "squared", "effort")
 
 
 class Grid(NamedTuple):
@@ -44,6 +48,7 @@ class Grid(NamedTuple):
     motion_slot: Tensor  # (T+1,) int32, row of the kept motion
     state_slot: Tensor  # (T+1,) int32, row of the kept states
     share: Tensor  # (T+1,), time that each squared error stands for [s]
+    noise_index: Tensor | None  # (T,) int32, sampling instant of each step
 
     @property
     def n_steps(self) -> int:
@@ -61,6 +66,10 @@ class Job:
     horizon: Tensor  # (B,) [s]
     active: Tensor | None  # (B, S) float64, 1 for slots in use at t = 0
     counts: Tensor | None  # (B, 3) int32: attended, switches, reallocations
+    noise_std: Tensor | None  # (B, 2) [rad], [rad/s]
+    noise_row: Tensor | None  # (B,) int32, row of `noise_unit`
+    noise_unit: Tensor | None  # (R, K, 2n)
+    effort_after: float  # time after which peak torques count [s]
     limit: float
     device: str
     tape_memory: float  # [bytes]

@@ -43,6 +43,7 @@ def pack_inputs(
     network, memory = state.controller.network, state.controller.memory
     sample = reference(torch.zeros((), dtype=torch.float64))
     squared = share * (sample.q - state.plant.q).square()
+    q = _rows(state.plant.q, batch, 1)
     return Inputs(
         amplitude=_rows(reference.amplitude, batch, 1),
         frequency=_rows(reference.frequency, batch, 1),
@@ -52,7 +53,7 @@ def pack_inputs(
         coefficient=torch.stack(
             [_coefficient_row(c, batch, coulomb_velocity) for c in coefficients]
         ),
-        q=_rows(state.plant.q, batch, 1),
+        q=q,
         qd=_rows(state.plant.qd, batch, 1),
         W=_rows(network.W, batch, 2),
         b_w=_rows(network.b_w, batch, 1),
@@ -61,6 +62,8 @@ def pack_inputs(
         mu=None if memory is None else _rows(memory.mu, batch, 2),
         keys=_rows(memory.keys, batch, 2) if memory is not None and form.keys == "state" else None,
         squared=_rows(squared, batch, 1),
+        torque=torch.zeros_like(q) if form.effort else None,
+        effort=torch.zeros_like(q).repeat(1, 2) if form.effort else None,
     )
 
 

@@ -7,6 +7,7 @@ from .odeint import METHODS, Odeint
 from .rollout import ENGINES, check_engine, rollout
 from .scenario import Scenario
 from .solver import Flow, Solver
+from .task import Effort
 from .trajectory import Status, Trajectory
 
 #: Names a configuration may use.
@@ -17,6 +18,7 @@ __all__ = [
     "METHODS",
     "SOLVERS",
     "ClosedLoop",
+    "Effort",
     "Flow",
     "Implicit",
     "Odeint",

@@ -11,7 +11,15 @@ from ..plants import Plant
 from ..plants.plant import Coefficients
 from ..signals import Reference
 from ..trees import map_tensors
-from ..types import ControlOutput, Linearization, LoopState, Mode, NetworkState
+from ..types import (
+    ControlOutput,
+    Linearization,
+    LoopState,
+    Measurement,
+    Mode,
+    NetworkState,
+    PlantState,
+)
 from .scenario import Scenario
 
 
@@ -62,12 +70,24 @@ class ClosedLoop(nn.Module):
         state, mode = self.controller.initial_state(reference, self.plant.measure(start), network)
         return LoopState(start, state), mode
 
+    def measure(self, state: PlantState, noise: Measurement | None) -> Measurement:
+        """What the controller sees of the plant's state: with the sensors' noise, if any."""
+        measured = self.plant.measure(state)
+        if noise is None:
+            return measured
+        return Measurement(measured.q + noise.q, measured.qd + noise.qd)
+
     def observe(
-        self, t: Tensor, state: LoopState, mode: Mode, reference: Reference
+        self,
+        t: Tensor,
+        state: LoopState,
+        mode: Mode,
+        reference: Reference,
+        noise: Measurement | None = None,
     ) -> ControlOutput:
         """The controller's torque and signals at times t [s] for saved states (*t.shape, ...)."""
         output: ControlOutput = self.controller(
-            reference(t), self.plant.measure(state.plant), state.controller, mode
+            reference(t), self.measure(state.plant, noise), state.controller, mode
         )
         return output
 
@@ -79,12 +99,13 @@ class ClosedLoop(nn.Module):
         reference: Reference,
         coefficients: Coefficients,
         linearize: bool = False,
+        noise: Measurement | None = None,
     ) -> tuple[LoopState, Linearization | None]:
         """Time derivative of the state; with `linearize`, also the stiff block.
 
         `coefficients` are the plant's, from its parameters in force at t.
         """
-        sample, measurement = reference(t), self.plant.measure(state.plant)
+        sample, measurement = reference(t), self.measure(state.plant, noise)
         output: ControlOutput = self.controller(sample, measurement, state.controller, mode)
         gains = None
         if linearize:
@@ -93,10 +114,15 @@ class ClosedLoop(nn.Module):
         return LoopState(d_plant, output.d_state), block
 
     def jump(
-        self, t: Tensor, state: LoopState, mode: Mode, reference: Reference
+        self,
+        t: Tensor,
+        state: LoopState,
+        mode: Mode,
+        reference: Reference,
+        noise: Measurement | None = None,
     ) -> tuple[LoopState, Mode]:
         """The controller's discrete decisions at time t [s]: reallocation of slots."""
         controller, mode = self.controller.jump(
-            reference(t), self.plant.measure(state.plant), state.controller, mode
+            reference(t), self.measure(state.plant, noise), state.controller, mode
         )
         return LoopState(state.plant, controller), mode

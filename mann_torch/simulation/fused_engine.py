@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import cast
 
@@ -22,7 +23,7 @@ from .implicit import GAMMA, Implicit
 from .scenario import Scenario
 from .solver import Solver
 from .step_grid import shares_of
-from .task import Record, Task
+from .task import Effort, Record, Task
 from .trajectory import Status
 
 KINDS = (Status.OK, Status.DIVERGED, Status.NOT_FINITE)
@@ -59,6 +60,8 @@ def run(task: Task, reason: str) -> Record:
         cast(MannController, task.loop.controller),
         coulomb=any(c.coulomb is not None for c in coefficients),
         follow_reference=cast(Implicit, task.solver).follow_reference,
+        noise=task.noise is not None,
+        effort=task.effort_after is not None,
     )
     inputs = pack_inputs(
         form,
@@ -75,6 +78,8 @@ def run(task: Task, reason: str) -> Record:
         form=form,
         gamma=GAMMA,
         grid=map_tensors(there, _grid(task)),
+        **_noise(task, there),
+        effort_after=task.effort_after or 0.0,
         horizon=there(task.horizon.reshape(-1)),
         active=map_tensors(there, active),
         counts=map_tensors(there, counts),
@@ -89,12 +94,13 @@ def run(task: Task, reason: str) -> Record:
     done = task.grid.n_steps if not bool(failed.all()) else int(kept.stop.max()) + 1
     rows = sum(k <= done for k in task.motion_rows)
     samples = sum(k <= done for k in task.state_rows)
-    motion = kept.motion[:rows].reshape(rows, *batch, 3 * n)
+    motion = kept.motion[:rows].reshape(rows, *batch, -1)
     shape = (samples, *batch)
     kind = torch.tensor([int(code) for code in KINDS])[(kept.cause % 10).long()]
     return Record(
         motion=motion[..., : 2 * n],
-        squared_error=motion[..., 2 * n :],
+        squared_error=motion[..., 2 * n : 3 * n],
+        effort=None if task.effort_after is None else Effort(*motion[..., 3 * n :].chunk(2, -1)),
         states=_states(task.state, kept, shape),
         modes=unpack_mode(_first(kept.active, samples), _first(kept.counts, samples), shape),
         final_mode=unpack_mode(kept.last_active, kept.last_counts, batch),
@@ -124,7 +130,19 @@ def _grid(task: Task) -> Grid:
         slot = torch.full((grid.n_steps + 1,), -1, dtype=torch.int32)
         slot[rows] = torch.arange(len(rows), dtype=torch.int32)
         slots.append(slot)
-    return Grid(grid.times, segment, slots[0], slots[1], shares_of(grid.times))
+    index = None if task.noise is None else task.noise_instants.to(torch.int32)
+    return Grid(grid.times, segment, slots[0], slots[1], shares_of(grid.times), index)
+
+
+def _noise(task: Task, there: Callable[[Tensor], Tensor]) -> dict[str, Tensor | None]:
+    if task.noise is None:
+        return dict.fromkeys(("noise_std", "noise_row", "noise_unit"))
+    noise = task.noise
+    return {
+        "noise_std": there(noise.std.reshape(-1, 2)),
+        "noise_row": there(noise.row.reshape(-1).to(torch.int32)),
+        "noise_unit": there(noise.unit),
+    }
 
 
 def _states(start: LoopState, kept: Kept, shape: tuple[int, ...]) -> LoopState:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import torch
 from torch import Tensor
 
+from ..signals import noise_at
 from ..types import ControlOutput, MemoryMode
 from .closed_loop import ClosedLoop
 from .scenario import Scenario
@@ -14,7 +16,15 @@ def observe(loop: ClosedLoop, scenario: Scenario, trajectory: Trajectory) -> Con
     """Torque, errors, features, read and weights at the trajectory's samples, each (K, ..., .)."""
     batch = trajectory.states.plant.q.shape[1:-1]
     reference = scenario.reference.expand(batch)
-    return loop.observe(trajectory.sample_t, trajectory.states, trajectory.modes, reference)
+    noise = None
+    if scenario.noise is not None:
+        # At the end of the last step no other begins: it shows the noise of the last.
+        step = torch.searchsorted(trajectory.step_t, trajectory.sample_t)
+        instants = scenario.noise.instants(trajectory.step_t[:-1])
+        chosen = instants[step.clamp(max=len(instants) - 1)]
+        table = scenario.noise.expand(batch).table(reference.n_joints, int(instants[-1]) + 1)
+        noise = noise_at(table, chosen)
+    return loop.observe(trajectory.sample_t, trajectory.states, trajectory.modes, reference, noise)
 
 
 def attended_slot(trajectory: Trajectory) -> Tensor | None:

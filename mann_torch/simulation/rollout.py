@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Sequence
 
 import torch
@@ -35,6 +36,7 @@ def rollout(
     sample_dt: float = 0.05,
     sample_until: float | None = None,
     motion_dt: float | None = None,
+    effort_after: float | None = None,
     divergence_limit: float = 1e8,
     engine: str = "auto",
     device: str = "cpu",
@@ -60,6 +62,8 @@ def rollout(
         sample_until: time [s] after which no whole states are kept.
         motion_dt: interval [s] at which joint motion and the integral of squared error are kept;
             every step if not given. The integral counts every step in any case.
+        effort_after: if given, torque rates are measured, and peak torques from this time on [s]
+            (`torque_rate`, `peak_torque`).
         divergence_limit: a sample with a state entry beyond this, or NaN, is frozen there and
             reported in `status`; the others go on undisturbed.
         engine: ``fused`` runs the whole rollout in one compiled kernel, batches on
@@ -81,6 +85,8 @@ def rollout(
             raise ConfigError(f"{name} = {value}: must be > 0")
     if network is not None and (generator is not None or batch_shape != ()):
         raise ConfigError("give initial weights as `network`, or generator and batch_shape")
+    if effort_after is not None and not (math.isfinite(effort_after) and effort_after >= 0):
+        raise ConfigError(f"effort_after = {effort_after}: must be finite and >= 0")
     solver = Implicit() if solver is None else solver
     obstacle = check_engine(loop, scenario, solver, engine, device)
     grid = StepGrid(scenario.end, scenario.knots(), solver.dt)
@@ -89,6 +95,9 @@ def rollout(
         network = loop.controller.initial_network(shape, generator)
     state, mode = loop.initial_state(scenario, network)
     batch = state.plant.q.shape[:-1]
+    noise, instants = scenario.noise, torch.zeros(grid.n_steps, dtype=torch.int64)
+    if noise is not None:
+        instants = noise.instants(grid.times[:-1])
     task = Task(
         loop=loop,
         scenario=scenario,
@@ -104,6 +113,11 @@ def rollout(
         progress=progress,
         device=device,
         tape_memory=tape_memory,
+        noise=None
+        if noise is None
+        else noise.expand(batch).table(state.plant.q.shape[-1], int(instants[-1]) + 1),
+        noise_instants=instants,
+        effort_after=effort_after,
     )
     record = None
     if batch.numel() == 0:
@@ -151,6 +165,7 @@ def _trajectory(task: Task, record: Record) -> Trajectory:
         q=record.motion[..., :n],
         qd=record.motion[..., n:],
         squared_error=record.squared_error,
+        effort=record.effort,
         step_t=times,
         horizon=task.horizon,
         sample_t=times[task.state_rows[:samples]],

@@ -11,7 +11,7 @@ from torch import Tensor
 from ..errors import ConfigError, ShapeError
 from ..functional import as_float64
 from ..plants.plant import Parameters
-from ..signals import PiecewiseConstant, Reference
+from ..signals import MeasurementNoise, PiecewiseConstant, Reference
 from ..trees import leaves, map_tensors
 from ..types import PlantState
 
@@ -26,7 +26,7 @@ class Scenario:
 
     `schedule` names fields of the plant's parameters (``masses``) that jump in time. `horizon`
     [s] is a number or a tensor (...,): a sample's metrics stop at its own. `start` is the plant's
-    state at t = 0, at rest at q = 0 if not given.
+    state at t = 0, at rest at q = 0 if not given. `noise` is what the sensors add.
 
     Raises `ConfigError` for a horizon that is not finite and > 0 or a schedule of an unknown
     field, `ShapeError` where batch shapes do not broadcast.
@@ -37,6 +37,7 @@ class Scenario:
     horizon: float | Tensor
     schedule: Mapping[str, PiecewiseConstant] = field(default_factory=dict)
     start: PlantState | None = None
+    noise: MeasurementNoise | None = None
     name: str = "scenario"
 
     def __post_init__(self) -> None:
@@ -69,6 +70,8 @@ class Scenario:
         shapes += [schedule.batch_shape for schedule in self.schedule.values()]
         if self.start is not None:
             shapes += [leaf.shape[:-1] for leaf in self.start]
+        if self.noise is not None:
+            shapes.append(self.noise.batch_shape)
         return torch.broadcast_shapes(*shapes)
 
     @property
@@ -103,6 +106,7 @@ class Scenario:
             horizon=as_float64(self.horizon).expand(batch),
             schedule={name: s.expand(batch) for name, s in self.schedule.items()},
             start=map_tensors(lambda leaf: _expand(leaf, batch, 1), self.start_state()),
+            noise=None if self.noise is None else self.noise.expand(batch),
         )
 
     @staticmethod
@@ -110,21 +114,29 @@ class Scenario:
         """One scenario with a new leading batch dimension, a row per given scenario.
 
         All must be of the same batch shape, the same kind of reference and the same scheduled
-        fields. Raises `ConfigError` otherwise.
+        fields, all with noise or none. Raises `ConfigError` otherwise.
         """
         kinds = {
-            (type(s.reference), tuple(sorted(s.schedule)), type(s.parameters), s.batch_shape)
+            (
+                type(s.reference),
+                tuple(sorted(s.schedule)),
+                type(s.parameters),
+                s.batch_shape,
+                s.noise is None,
+            )
             for s in scenarios
         }
         if len(kinds) != 1:
             raise ConfigError(
                 "scenarios to stack must be at least one, with the same kind of reference and "
-                "parameters, the same scheduled fields and the same batch shape"
+                "parameters, the same scheduled fields and the same batch shape, all with noise or "
+                "none"
             )
         scenarios = [s.expanded() for s in scenarios]
         first = scenarios[0]
         starts = [scenario.start_state() for scenario in scenarios]
         rows = [scenario.parameters for scenario in scenarios]
+        noises = [s.noise for s in scenarios if s.noise is not None]
         return Scenario(
             reference=first.reference.stack([s.reference for s in scenarios]),
             parameters=map_tensors(lambda *t: torch.stack(t), *rows),
@@ -134,5 +146,6 @@ class Scenario:
                 for key in first.schedule
             },
             start=map_tensors(lambda *t: torch.stack(t), *starts),
+            noise=MeasurementNoise.stack(noises) if noises else None,
             name=name,
         )

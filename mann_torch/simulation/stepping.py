@@ -12,7 +12,7 @@ from ..functional import pick
 from ..plants.plant import Coefficients
 from ..signals import Reference
 from ..trees import Packer, map_tensors
-from ..types import Linearization, LoopState, Mode
+from ..types import Linearization, LoopState, Measurement, Mode
 from .closed_loop import ClosedLoop
 from .compiling import CompiledOrEager
 from .solver import Solver
@@ -24,6 +24,7 @@ class Carry(NamedTuple):
     y: Tensor  # (..., M)
     mode: Mode
     alive: Tensor  # (...,) bool
+    torque: Tensor | None = None  # (..., n) at the step's start, where effort is measured
 
 
 class _FlatFlow:
@@ -52,9 +53,15 @@ class Stepper:
     """One jump and one solver step of the whole batch, compiled if asked for."""
 
     def __init__(
-        self, loop: ClosedLoop, solver: Solver, packer: Packer[LoopState], limit: float
+        self,
+        loop: ClosedLoop,
+        solver: Solver,
+        packer: Packer[LoopState],
+        limit: float,
+        effort: bool = False,
     ) -> None:
         self._loop, self._solver, self._packer, self._limit = loop, solver, packer, limit
+        self._effort = effort
         self._rates: Callable[..., Any] = self._flat_rates
         self._call: Callable[..., Carry] = self._advance
         self._compiled: CompiledOrEager | None = None
@@ -75,9 +82,10 @@ class Stepper:
         carry: Carry,
         reference: Reference,
         coefficients: Coefficients,
+        noise: Measurement | None = None,
         moving: Tensor | None = None,
     ) -> Carry:
-        return self._call(t, h, carry, reference, coefficients, moving)
+        return self._call(t, h, carry, reference, coefficients, noise, moving)
 
     def _flat_rates(
         self,
@@ -86,10 +94,11 @@ class Stepper:
         mode: Mode,
         reference: Reference,
         coefficients: Coefficients,
+        noise: Measurement | None,
         linearize: bool,
     ) -> tuple[Tensor, Linearization | None]:
         rate, block = self._loop.flow(
-            t, self._packer.unpack(y), mode, reference, coefficients, linearize
+            t, self._packer.unpack(y), mode, reference, coefficients, linearize, noise
         )
         return self._packer.pack(rate), block
 
@@ -100,17 +109,21 @@ class Stepper:
         carry: Carry,
         reference: Reference,
         coefficients: Coefficients,
+        noise: Measurement | None,
         moving: Tensor | None,
     ) -> Carry:
         y, mode = carry.y, carry.mode
         if mode is not None:
-            state, mode = self._loop.jump(t, self._packer.unpack(y), mode, reference)
+            state, mode = self._loop.jump(t, self._packer.unpack(y), mode, reference, noise)
             if self._loop.controller.reallocates:
                 y = self._packer.pack(state)
-        flow = _FlatFlow(self._rates, (mode, reference, coefficients), moving)
+        torque = None
+        if self._effort:
+            torque = self._loop.observe(t, self._packer.unpack(y), mode, reference, noise).torque
+        flow = _FlatFlow(self._rates, (mode, reference, coefficients, noise), moving)
         y = self._solver.step(flow, t, h, y)
         # NaN compares as False, so that this catches it too.
-        return Carry(y, mode, y.abs().amax(dim=-1) < self._limit)
+        return Carry(y, mode, y.abs().amax(dim=-1) < self._limit, torque)
 
     def without_dead(
         self,
@@ -120,6 +133,7 @@ class Stepper:
         safe: Tensor,
         reference: Reference,
         coefficients: Coefficients,
+        noise: Measurement | None = None,
     ) -> tuple[Carry, Tensor]:
         """The step again with the samples that are or fall dead held at their last state.
 
@@ -132,7 +146,7 @@ class Stepper:
         alive, fallen = carry.alive, safe
         while True:
             y = torch.where(alive.unsqueeze(-1), carry.y, safe)
-            after = self(t, h, carry._replace(y=y), reference, coefficients, alive)
+            after = self(t, h, carry._replace(y=y), reference, coefficients, noise, alive)
             still = alive & after.alive
             fallen = torch.where((alive & ~still).unsqueeze(-1), after.y.detach(), fallen)
             if bool((still == alive).all()):
@@ -140,4 +154,4 @@ class Stepper:
             alive = still
         y = torch.where(alive.unsqueeze(-1), after.y, carry.y)
         mode = map_tensors(lambda new, old: pick(alive, new, old), after.mode, carry.mode)
-        return Carry(y, mode, alive), fallen
+        return Carry(y, mode, alive, after.torque), fallen

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from ..signals import Reference
-from ..types import LoopState, Mode
+from ..signals import NoiseTable, Reference, noise_at
+from ..types import LoopState, Measurement, Mode
 from .closed_loop import ClosedLoop
 from .scenario import Scenario
 from .solver import Solver
@@ -34,11 +35,31 @@ class Task:
     progress: Callable[[int], object] | None
     device: str
     tape_memory: float  # [bytes]
+    noise: NoiseTable | None  # on what is measured
+    noise_instants: Tensor  # (T,) int64, sampling instant of each step
+    effort_after: float | None  # peak torques count from here on [s]; None: no effort
+
+    def noise_in(self, k: int) -> Measurement | None:
+        """What the sensors add in step k, each member (..., n)."""
+        if self.noise is None:
+            return None
+        return noise_at(self.noise, self.noise_instants[k])
 
     @property
     def batch(self) -> torch.Size:
         """Batch shape `...`."""
         return self.state.plant.q.shape[:-1]
+
+
+class Effort(NamedTuple):
+    """What the torque costs, running over the steps within a sample's horizon.
+
+    A step's torque is that at its start, noise included; its rate is what changed since the step
+    before, over that step's length.
+    """
+
+    rate_square: Tensor  # (T', ..., n) integral of the squared rate [(N m)^2/s]
+    peak: Tensor  # (T', ..., n) largest |torque| since `effort_after` [N m]
 
 
 @dataclass(frozen=True)
@@ -47,6 +68,7 @@ class Record:
 
     motion: Tensor  # (T', ..., 2n) q and qd
     squared_error: Tensor  # (T', ..., n) running sum of squared error times its share of time
+    effort: Effort | None
     states: LoopState  # (K, ..., *event)
     modes: Mode  # (K, ..., *event)
     final_mode: Mode

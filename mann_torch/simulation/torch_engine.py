@@ -7,9 +7,9 @@ from torch import Tensor
 
 from ..trees import Packer, map_tensors
 from ..types import LoopState
-from .step_grid import counted_in, shares_of
+from .step_grid import MERGE, counted_in, shares_of
 from .stepping import Carry, Stepper
-from .task import Record, Task
+from .task import Effort, Record, Task
 from .trajectory import Status
 
 
@@ -19,19 +19,21 @@ def run(task: Task, reason: str) -> Record:
     n = task.state.plant.q.shape[-1]
     packer = Packer(task.state, len(batch))
     y = packer.pack(task.state)
-    stepper = Stepper(loop, task.solver, packer, task.limit)
+    measured = task.effort_after is not None
+    stepper = Stepper(loop, task.solver, packer, task.limit, measured)
     carry = Carry(y, task.mode, torch.ones(batch, dtype=torch.bool))
     safe = fallen = torch.zeros_like(y, requires_grad=False)
     stopped = torch.full(batch, -1)
     sampled = set(task.state_rows)
     motion, kept = [y[..., : 2 * n].clone()], [carry] if 0 in sampled else []
+    torques: list[Tensor] = []
     times, sizes = grid.times.unbind(), grid.times.diff().unbind()
     n_alive, done = carry.alive.numel(), 0
     for segment in grid.segments:
         lookup = torch.tensor(segment.lookup, dtype=torch.float64)
         coefficients = loop.plant.coefficients(task.scenario.parameters_at(lookup))
         for k in range(segment.first, segment.last):
-            arguments = (task.reference, coefficients)
+            arguments = (task.reference, coefficients, task.noise_in(k))
             before = carry
             if n_alive == before.alive.numel():
                 carry = stepper(times[k], sizes[k], before, *arguments)
@@ -42,6 +44,8 @@ def run(task: Task, reason: str) -> Record:
                 fallen = torch.where(fell.unsqueeze(-1), bad, fallen)
                 n_alive = int(carry.alive.sum())
             motion.append(carry.y[..., : 2 * n].clone())
+            if carry.torque is not None:
+                torques.append(carry.torque)
             if k + 1 in sampled:
                 kept.append(carry)
             done += 1
@@ -60,6 +64,7 @@ def run(task: Task, reason: str) -> Record:
     return Record(
         motion=track[rows],
         squared_error=squared[rows],
+        effort=map_tensors(lambda sums: sums[rows], _effort(task, torques, stopped)),
         states=packer.unpack(torch.stack([c.y for c in kept])),
         modes=map_tensors(lambda *leaves: torch.stack(leaves), *[c.mode for c in kept]),
         final_mode=carry.mode,
@@ -80,6 +85,24 @@ def _squared_error(task: Task, q: Tensor, stopped: Tensor) -> Tensor:
     share = shares_of(task.grid.times)[: len(q)].reshape(index.shape) * counted
     error = task.reference(task.grid.times[: len(q)]).q - q
     return (share.unsqueeze(-1) * error.square()).cumsum(dim=0)
+
+
+def _effort(task: Task, torques: list[Tensor], stopped: Tensor) -> Effort | None:
+    """Running effort of steps within each sample's horizon, up to its failure."""
+    if task.effort_after is None or not torques:
+        return None
+    torque, times = torch.stack(torques), task.grid.times[: len(torques) + 1]
+    column = (-1, *(1,) * len(task.batch))
+    index = torch.arange(len(torque)).reshape(column)
+    counted = counted_in(times[1:], task.horizon) & ((stopped < 0) | (index < stopped))
+    change = torch.cat([torch.zeros_like(torque[:1]), torque.diff(dim=0)])
+    sizes = torch.cat([torch.ones(1, dtype=torque.dtype), times[:-1].diff()])
+    weight = torch.where(counted, 1.0 / sizes.reshape(column), 0.0).unsqueeze(-1)
+    rate = (weight * change.square()).cumsum(dim=0)
+    late = counted & (times[:-1] > task.effort_after + MERGE).reshape(column)
+    peak = torch.where(late.unsqueeze(-1), torque.abs(), 0.0).cummax(dim=0).values
+    nothing = torch.zeros_like(rate[:1])
+    return Effort(torch.cat([nothing, rate]), torch.cat([nothing, peak]))
 
 
 def _causes(

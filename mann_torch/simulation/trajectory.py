@@ -9,6 +9,7 @@ from torch import Tensor
 
 from ..signals import Reference
 from ..types import LoopState, Mode, ReferenceSample
+from .task import Effort
 
 
 class Status(IntEnum):
@@ -30,6 +31,7 @@ class Trajectory:
     q: Tensor  # (T', ..., n) [rad]
     qd: Tensor  # (T', ..., n) [rad/s]
     squared_error: Tensor  # (T', ..., n) integral of e^2 over all steps up to t [rad^2 s]
+    effort: Effort | None  # each (T', ..., n); None unless `effort_after` was given
     step_t: Tensor  # (T+1,) all step times [s]
     horizon: Tensor  # (...,) [s]
     sample_t: Tensor  # (K,) times of `states` and `modes` [s]

@@ -21,7 +21,7 @@ def make_closed_loop(form: Form, t: SimpleNamespace) -> SimpleNamespace:
     MEMORY, STATE_KEYS = form.n_slots > 0, form.keys == "state"
     REALLOCATES, ALWAYS, SCALED = form.reallocates, form.always, form.scaled_reset
     fn = make_functional(t)
-    network, arm = make_network(t), make_arm(form, t, fn)
+    network, arm = make_network(form, t), make_arm(form, t, fn)
     look, slope_of, input_slope = network.look, network.slope_of, network.input_slope
     outer_square, inner_square = fn.outer_square, fn.inner_square
     contents_square, Angles = fn.contents_square, t.Angles
@@ -41,13 +41,21 @@ def make_closed_loop(form: Form, t: SimpleNamespace) -> SimpleNamespace:
         return c[0] + c[1] * (norms + c[2])
 
     @wp.func
+    def torque_of(y: State, gaze: Gaze, hidden: hidden_vector, weights: slot_vector, gain: real):
+        """tau = gain r + W'(sigma + h_o) + b_w."""
+        basis = hidden
+        if MEMORY:
+            basis = hidden + weights * y.mu
+        return gain * gaze.r + basis * y.W + y.b_w
+
+    @wp.func
     def rates(
         y: State,
         gaze: Gaze,
         hidden: hidden_vector,
         a: Angles,
         weights: slot_vector,
-        gain: real,
+        torque: pair,
         c: constants,
         k: coefficients,
     ):
@@ -55,13 +63,10 @@ def make_closed_loop(form: Form, t: SimpleNamespace) -> SimpleNamespace:
         d = State()
         correction = y.W * gaze.r
         slope = slope_of(hidden)
-        basis = hidden
         if MEMORY:
-            basis = hidden + weights * y.mu
             d.mu = write(y, weights, hidden, correction, c[6])
             if STATE_KEYS:
                 d.keys = key_rate_of(weights, y, c[8])
-        torque = gain * gaze.r + basis * y.W + y.b_w
         decay = c[5] * root(wp.dot(gaze.error, gaze.error))
         regressor = hidden - wp.cw_mul(slope, gaze.pre)
         back = wp.cw_mul(slope, correction)
@@ -141,7 +146,7 @@ def make_closed_loop(form: Form, t: SimpleNamespace) -> SimpleNamespace:
         """Keys after the reset: a fresh one in the marked slot."""
         keys = key_matrix()
         for i in range(S):
-            keys[i] = (real(1.0) - mask[i]) * y.keys[i] + mask[i] * fresh(y.q)
+            keys[i] = (real(1.0) - mask[i]) * y.keys[i] + mask[i] * fresh(y.seen)
         return keys
 
     found = SimpleNamespace(
@@ -151,6 +156,7 @@ def make_closed_loop(form: Form, t: SimpleNamespace) -> SimpleNamespace:
         fn=fn,
         gain_of=gain_of,
         rates=rates,
+        torque_of=torque_of,
         stiff_block=stiff_block,
         reset_mask=reset_mask,
         reset=reset,

@@ -17,7 +17,8 @@ def make_step(form: Form, t: SimpleNamespace, gamma: float) -> SimpleNamespace:
     REALLOCATES, FOLLOW = form.reallocates, form.follow_reference
     GAMMA = wp.constant(real(gamma))
     loop = make_closed_loop(form, t)
-    look, gain_of, rates = loop.look, loop.gain_of, loop.rates
+    look, gain_of, rates, torque_of = loop.look, loop.gain_of, loop.rates, loop.torque_of
+    NOISE, EFFORT = form.noise, form.effort
     sigmoid, angles = loop.sigmoid, loop.angles
     stiff_block, solve = loop.stiff_block, loop.solve
     reset_mask, reset, reset_keys = loop.reset_mask, loop.reset, loop.reset_keys
@@ -28,6 +29,7 @@ def make_step(form: Form, t: SimpleNamespace, gamma: float) -> SimpleNamespace:
     class Outcome:
         y: State
         mode: Mode
+        torque: pair
 
     @wp.func
     def damped(f_q: pair, f_v: pair, block: Block, gh: real, push: pair):
@@ -50,6 +52,13 @@ def make_step(form: Form, t: SimpleNamespace, gamma: float) -> SimpleNamespace:
     @wp.func_grad(count)
     def adj_count(mode: Mode, attended: int, mask: slot_vector, adj_ret: counters):
         pass
+
+    @wp.func
+    def seen(y: State, s: Sample):
+        q = y.q
+        if NOISE:
+            q = q + s.noise_q
+        return q
 
     @wp.func
     def step(
@@ -82,7 +91,10 @@ def make_step(form: Form, t: SimpleNamespace, gamma: float) -> SimpleNamespace:
 
         gain = gain_of(y, active, c)
         a = angles(y.q)
-        f = rates(y, gaze, hidden, a, weights, gain, c, k)
+        torque = torque_of(y, gaze, hidden, weights, gain)
+        if EFFORT:
+            out.torque = torque
+        f = rates(y, gaze, hidden, a, weights, torque, c, k)
         block = stiff_block(y, s_0, hidden, a, gain, error_gain, k)
         gh = GAMMA * h
         push = pair()
@@ -100,13 +112,16 @@ def make_step(form: Form, t: SimpleNamespace, gamma: float) -> SimpleNamespace:
         y_1.b_v = y.b_v + h * f.b_v
         y_1.mu = y.mu + h * f.mu
         y_1.keys = y.keys + h * f.keys
+        if STATE_KEYS:
+            y_1.seen = seen(y_1, s_1)
         gaze_1 = look(s_1, y_1, error_gain)
         hidden_1 = sigmoid(gaze_1.pre)
         weights_1 = slot_vector()
         if MEMORY:
             weights_1 = attend(y_1, hidden_1, active, c[6])
         gain_1 = gain_of(y_1, active, c)
-        f_1 = rates(y_1, gaze_1, hidden_1, angles(y_1.q), weights_1, gain_1, c, k)
+        torque_1 = torque_of(y_1, gaze_1, hidden_1, weights_1, gain_1)
+        f_1 = rates(y_1, gaze_1, hidden_1, angles(y_1.q), weights_1, torque_1, c, k)
         g_q = f_1.q - real(2.0) * k_q
         k_v2 = damped(g_q, f_1.qd - real(2.0) * k_v, block, gh, -push)
         k_q2 = g_q + gh * k_v2

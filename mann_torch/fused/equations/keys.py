@@ -49,13 +49,13 @@ def make_state(t: SimpleNamespace) -> SimpleNamespace:
 
     @wp.func
     def scores(y: State, hidden: hidden_vector):
-        return y.keys * y.q
+        return y.keys * y.seen
 
     @wp.func
     def distances(y: State, hidden: hidden_vector, write_gain: real):
         found = slot_vector()
         for i in range(S):
-            found[i] = wp.max(wp.abs(y.q[0] - y.keys[i, 0]), wp.abs(y.q[1] - y.keys[i, 1]))
+            found[i] = wp.max(wp.abs(y.seen[0] - y.keys[i, 0]), wp.abs(y.seen[1] - y.keys[i, 1]))
         return found
 
     @wp.func_grad(distances)
@@ -66,7 +66,7 @@ def make_state(t: SimpleNamespace) -> SimpleNamespace:
     def derivative(weights: slot_vector, y: State, key_rate: real):
         rate = key_matrix()
         for i in range(S):
-            rate[i] = key_rate * weights[i] * (y.q - y.keys[i])
+            rate[i] = key_rate * weights[i] * (y.seen - y.keys[i])
         return rate
 
     @wp.func

@@ -24,6 +24,8 @@ def make_march(form: Form, gamma: float, backward: bool) -> Any:
     t: SimpleNamespace = make_types(form)
     real, pair, square, State, Mode = t.real, t.pair, t.square, t.State, t.Mode
     constants, coefficients, motion_row = t.constants, t.coefficients, t.motion_row
+    noise_values, effort_sums = t.noise_row, t.effort
+    NOISE, EFFORT = form.noise, form.effort
     outer_weights, inner_weights, hidden_vector = t.outer_weights, t.inner_weights, t.hidden_vector
     contents, key_matrix, slot_vector, counters = (
         t.contents,
@@ -48,6 +50,8 @@ def make_march(form: Form, gamma: float, backward: bool) -> Any:
         motion_slot: wp.array(dtype=wp.int32),
         state_slot: wp.array(dtype=wp.int32),
         share: wp.array(dtype=real),
+        noise_index: wp.array(dtype=wp.int32),
+        effort_after: real,
         # the task: (B,), coefficients (segments, B)
         horizon: wp.array(dtype=real),
         amplitude: wp.array(dtype=pair),
@@ -56,6 +60,9 @@ def make_march(form: Form, gamma: float, backward: bool) -> Any:
         error_gain: wp.array(dtype=square),
         constant: wp.array(dtype=constants),
         coefficient: wp.array2d(dtype=coefficients),
+        noise_std: wp.array(dtype=pair),
+        noise_row: wp.array(dtype=wp.int32),
+        noise_unit: wp.array2d(dtype=noise_values),
         # the tape: (ring, B)
         q: wp.array2d(dtype=pair),
         qd: wp.array2d(dtype=pair),
@@ -66,6 +73,8 @@ def make_march(form: Form, gamma: float, backward: bool) -> Any:
         mu: wp.array2d(dtype=contents),
         keys: wp.array2d(dtype=key_matrix),
         squared: wp.array2d(dtype=pair),
+        torque: wp.array2d(dtype=pair),
+        effort: wp.array2d(dtype=effort_sums),
         active: wp.array2d(dtype=slot_vector),
         counts: wp.array2d(dtype=counters),
         # outputs: (slots, B)
@@ -102,19 +111,33 @@ def make_march(form: Form, gamma: float, backward: bool) -> Any:
                 mode.counts = counts[i, b]
             if STATE_KEYS:
                 y.keys = keys[i, b]
+                y.seen = q[i, b]
+            if NOISE:
+                unit = noise_unit[noise_row[b], noise_index[k]]
+                noise_q = noise_std[b][0] * pair(unit[0], unit[1])
+                noise_qd = noise_std[b][1] * pair(unit[2], unit[3])
+                if STATE_KEYS:
+                    y.seen = q[i, b] + noise_q
             total = squared[i, b]
             new = y
             new_mode = mode
+            new_torque = pair()
             s_1 = sample(times[k + 1], amplitude[b], frequency[b], reference_offset[b])
             if k < stop[b]:
                 s_0 = sample(times[k], amplitude[b], frequency[b], reference_offset[b])
                 h = times[k + 1] - times[k]
+                if NOISE:
+                    s_0.noise_q = noise_q
+                    s_0.noise_qd = noise_qd
+                    s_1.noise_q = noise_q
+                    s_1.noise_qd = noise_qd
                 gain, c, coef = error_gain[b], constant[b], coefficient[segment[k], b]
                 out = step(y, mode, s_0, s_1, h, gain, c, coef)
                 found = trouble(out.y, limit)
                 if found == 0:
                     new = out.y
                     new_mode = out.mode
+                    new_torque = out.torque
                 else:
                     stop[b] = k
                     cause[b] = found
@@ -130,6 +153,8 @@ def make_march(form: Form, gamma: float, backward: bool) -> Any:
                 counts[j, b] = new_mode.counts
             if STATE_KEYS:
                 keys[j, b] = new.keys
+            if EFFORT:
+                torque[j, b] = new_torque
             # From here on what is needed comes from the tape, see `replay_step`.
             q_1 = q[j, b]
             qd_1 = qd[j, b]
@@ -137,9 +162,48 @@ def make_march(form: Form, gamma: float, backward: bool) -> Any:
                 error = s_1.q - q_1
                 total = total + share[k + 1] * wp.cw_mul(error, error)
             squared[j, b] = total
+            paid = effort_sums()
+            if EFFORT:
+                paid = effort[i, b]
+                torque_1 = torque[j, b]
+                # As `simulation/effort.py`: counted while the step is within the horizon.
+                if k < stop[b] and times[k + 1] <= horizon[b] + real(1e-9):
+                    if k > 0:
+                        change = torque_1 - torque[i, b]
+                        weight = real(1.0) / (times[k] - times[k - 1])
+                        paid = paid + effort_sums(
+                            weight * change[0] * change[0],
+                            weight * change[1] * change[1],
+                            real(0.0),
+                            real(0.0),
+                        )
+                    if times[k] > effort_after + real(1e-9):
+                        paid = effort_sums(
+                            paid[0],
+                            paid[1],
+                            wp.max(paid[2], wp.abs(torque_1[0])),
+                            wp.max(paid[3], wp.abs(torque_1[1])),
+                        )
+                effort[j, b] = paid
             slot = motion_slot[k + 1]
             if slot >= 0:
-                motion[slot, b] = motion_row(q_1[0], q_1[1], qd_1[0], qd_1[1], total[0], total[1])
+                if EFFORT:
+                    motion[slot, b] = motion_row(
+                        q_1[0],
+                        q_1[1],
+                        qd_1[0],
+                        qd_1[1],
+                        total[0],
+                        total[1],
+                        paid[0],
+                        paid[1],
+                        paid[2],
+                        paid[3],
+                    )
+                else:
+                    motion[slot, b] = motion_row(
+                        q_1[0], q_1[1], qd_1[0], qd_1[1], total[0], total[1]
+                    )
             kept = state_slot[k + 1]
             if kept >= 0:
                 q_out[kept, b] = new.q

@@ -4,16 +4,22 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from ..form import Form
 
-def make_network(t: SimpleNamespace) -> SimpleNamespace:
+
+def make_network(form: Form, t: SimpleNamespace) -> SimpleNamespace:
     """What the controller sees at one state, and what its weights do."""
     real, square, inputs = t.real, t.square, t.inputs
     hidden_vector, State, Sample, Gaze = t.hidden_vector, t.State, t.Sample, t.Gaze
+    NOISE = form.noise
 
     @wp.func
     def look(s: Sample, y: State, error_gain: square):
         error = s.q - y.q
         error_rate = s.qd - y.qd
+        if NOISE:
+            error = error - s.noise_q
+            error_rate = error_rate - s.noise_qd
         x = inputs(
             error[0],
             error[1],

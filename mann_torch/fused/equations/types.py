@@ -35,12 +35,15 @@ def make_types(form: Form) -> SimpleNamespace:
         b_v: hidden_vector
         mu: contents
         keys: key_matrix
+        seen: pair  # measured joint position; not integrated
 
     @wp.struct
     class Sample:
         q: pair
         qd: pair
         qdd: pair
+        noise_q: pair  # what the sensors add to the plant's motion
+        noise_qd: pair
 
     @wp.struct
     class Gaze:
@@ -66,7 +69,9 @@ def make_types(form: Form) -> SimpleNamespace:
         S=S,
         M=M,
         I=N_INPUTS,
-        motion_row=wp.types.vector(3 * N_JOINTS, real),
+        motion_row=wp.types.vector((5 if form.effort else 3) * N_JOINTS, real),
+        noise_row=wp.types.vector(2 * N_JOINTS, real),
+        effort=wp.types.vector(2 * N_JOINTS, real),
         counters=counters,
         pair=pair,
         square=square,
