@@ -10,7 +10,7 @@ from pathlib import Path
 from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 
-from .config import ReproduceConfig, SimulateConfig
+from .config import GradientReportConfig, ReproduceConfig, SimulateConfig, TuneConfig
 
 # conf/ in a checkout, mann_torch/conf in an installed wheel: beside this package in both.
 CONF = Path(__file__).resolve().parent.parent / "conf"
@@ -23,6 +23,10 @@ def _stamp() -> str:
 
 def _run_folder(run_dir: str | None, task: str) -> str:
     return run_dir or f"logs/{task}/{_stamp()}"
+
+
+def _tune_folder(run_dir: str | None, resume: str | None) -> str:
+    return resume or _run_folder(run_dir, "tune")
 
 
 def _sweep_folder(run_dir: str | None, task: str) -> str:
@@ -73,15 +77,54 @@ def _reproduce_help() -> str:
     )
 
 
+def _tune_help() -> str:
+    return "\n".join(
+        [
+            "Tune design constants by gradient, then judge them on scenarios and draws held out.",
+            "",
+            *_group_lines(("scenario", "controller", "keys", "solver")),
+            "",
+            "  fewer      python -m experiments.tune constants=[write_gain,error_gain]",
+            "  resume     python -m experiments.tune resume=logs/tune/STAMP",
+            "  compare    python -m experiments.tune compare=[logs/tune/OTHER]",
+            "",
+            "Settings, each as NAME=VALUE:",
+            "",
+            "$CONFIG",
+        ]
+    )
+
+
+def _report_help() -> str:
+    return "\n".join(
+        [
+            "Every gradient mode against differences, constant by constant, for one scenario.",
+            "",
+            *_group_lines(("scenario", "controller", "keys", "solver")),
+            "",
+            "  example    python -m experiments.gradient_report scenario=4 controller=hard",
+            "",
+            "Settings, each as NAME=VALUE:",
+            "",
+            "$CONFIG",
+        ]
+    )
+
+
 def register() -> None:
     """Put schemas and resolvers in Hydra's stores; safe to call again."""
     OmegaConf.register_new_resolver("run_folder", _run_folder, replace=True, use_cache=True)
     OmegaConf.register_new_resolver("sweep_folder", _sweep_folder, replace=True, use_cache=True)
+    OmegaConf.register_new_resolver("tune_folder", _tune_folder, replace=True, use_cache=True)
+    OmegaConf.register_new_resolver("tune_help", _tune_help, replace=True)
+    OmegaConf.register_new_resolver("report_help", _report_help, replace=True)
     OmegaConf.register_new_resolver("simulate_help", _simulate_help, replace=True)
     OmegaConf.register_new_resolver("reproduce_help", _reproduce_help, replace=True)
     store = ConfigStore.instance()
     store.store(name="base_simulate", node=SimulateConfig)
     store.store(name="base_reproduce", node=ReproduceConfig)
+    store.store(name="base_tune", node=TuneConfig)
+    store.store(name="base_gradient_report", node=GradientReportConfig)
 
 
 register()

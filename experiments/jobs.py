@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import multiprocessing
 import os
 import signal
@@ -12,20 +11,19 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from queue import Empty
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import torch
-from omegaconf import OmegaConf
 
-from mann_torch import Scenario, Trajectory, rollout
+from mann_torch import Trajectory, rollout
 from mann_torch.errors import SolverError
 from mann_torch.simulation.step_grid import StepGrid
-from mann_torch.types import NetworkState
 
+from .batching import side_by_side
 from .build import Experiment, build
-from .cli import compose_job
 from .config import ReproduceConfig, SimulateConfig
+from .ensembles import composed
 from .plan import Job
 from .recording import metrics_of, signal_arrays
 from .simulate import progress_bar
@@ -61,14 +59,9 @@ class JobResult:
         return flat
 
 
-@functools.cache
-def _composed(overrides: tuple[str, ...]) -> SimulateConfig:
-    return cast(SimulateConfig, OmegaConf.to_object(compose_job("simulate", list(overrides))))
-
-
 def job_config(cfg: ReproduceConfig, job: Job, scenario: str) -> SimulateConfig:
     """The `simulate` configuration of one scenario of a job. Raises `ConfigError`."""
-    plain = _composed((f"scenario='{scenario}'", *job.overrides))
+    plain = composed((f"scenario='{scenario}'", *job.overrides))
     horizon = plain.scenario.horizon
     if cfg.horizon is not None:
         horizon = min(horizon, cfg.horizon)
@@ -91,24 +84,15 @@ def batches(cfg: ReproduceConfig, job: Job) -> list[tuple[list[str], Experiment]
     groups: dict[float, list[str]] = {}
     for scenario, part in parts.items():
         groups.setdefault(part.scenario.end, []).append(scenario)
-    return [(names, _batched(cfg, [parts[n] for n in names])) for names in groups.values()]
+    return [(names, _batched([parts[n] for n in names])) for names in groups.values()]
 
 
-def _batched(cfg: ReproduceConfig, parts: list[Experiment]) -> Experiment:
+def _batched(parts: list[Experiment]) -> Experiment:
     """Scenarios and draws of one controller as one experiment of batch (scenarios * draws,)."""
+    scenario, network, own = side_by_side(parts)
     first = parts[0]
-    constants = [part.loop.controller.constants() for part in parts]
-    values = {}
-    for name in constants[0]:
-        column = [constant[name].detach() for constant in constants]
-        if any(not torch.equal(value, column[0]) for value in column):
-            values[name] = torch.stack(column).repeat_interleave(cfg.draws, dim=0)
-    first.loop.controller.initialize(**values)
-    scenarios = [part.scenario for part in parts for _ in range(cfg.draws)]
-    network = NetworkState(
-        *(torch.cat(leaf) for leaf in zip(*(part.network for part in parts), strict=True))
-    )
-    return Experiment(first.loop, Scenario.stack(scenarios), first.solver, network)
+    first.loop.controller.initialize(**own)
+    return Experiment(first.loop, scenario, first.solver, network)
 
 
 def n_steps(cfg: ReproduceConfig, job: Job) -> int:

@@ -83,7 +83,7 @@ def log_run(
             f"metrics/srmse_{joint + 1}": float(np.mean([row[joint] for row in metrics["srmse"]]))
             for joint in range(2)
         }
-        log_summary(writer, _flat(asdict(cfg)), results, figures)
+        log_summary(writer, flat_settings(asdict(cfg)), results, figures)
 
 
 def log_summary(
@@ -116,11 +116,12 @@ def _curves(arrays: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
     return curves
 
 
-def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+def flat_settings(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested settings as one level of numbers, texts and truth values."""
     flat: dict[str, Any] = {}
     for key, value in tree.items():
         if isinstance(value, Mapping):
-            flat.update(_flat(value, f"{prefix}{key}/"))
+            flat.update(flat_settings(value, f"{prefix}{key}/"))
         elif isinstance(value, bool | int | float | str):
             flat[prefix + key] = value
         else:

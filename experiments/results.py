@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+import torch
+
+from mann_torch.statistics import mean_and_half
 
 from .jobs import JobResult
 
@@ -31,11 +33,8 @@ class Interval:
 
 def interval(values: np.ndarray) -> Interval:
     """Mean and Student-t 95 % half-width of independent values (draws,)."""
-    n = len(values)
-    if n < 2:
-        return Interval(float(values.mean()), math.nan)
-    half = float(student.ppf(0.975, n - 1)) * float(values.std(ddof=1)) / math.sqrt(n)
-    return Interval(float(values.mean()), half)
+    mean, half = mean_and_half(torch.as_tensor(values))
+    return Interval(float(mean), float(half))
 
 
 class Results:

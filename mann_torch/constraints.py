@@ -115,7 +115,8 @@ class DesignModule(nn.Module):
                 for name in module._domains:
                     yield name, module
 
-    def _owner(self, name: str) -> DesignModule:
+    def owner(self, name: str) -> DesignModule:
+        """The part that holds the constant `name`; raises `ConfigError` if there is none."""
         owners = dict(self._owners())
         if name not in owners:
             raise ConfigError(f"no design constant '{name}'; choose from {', '.join(owners)}")
@@ -127,11 +128,11 @@ class DesignModule(nn.Module):
 
     def constant(self, name: str) -> nn.Parameter:
         """The constant `name`, wherever it lives; raises `ConfigError` if there is none."""
-        return cast(nn.Parameter, getattr(self._owner(name), name))
+        return cast(nn.Parameter, getattr(self.owner(name), name))
 
     def domain(self, name: str) -> Domain:
         """The domain of the constant `name`."""
-        return self._owner(name)._domains[name]
+        return self.owner(name)._domains[name]
 
     def initialize(self, **values: Numbers) -> None:
         """Set constants by name, all or none. A leading batch shape gives each sample its own.
@@ -142,7 +143,7 @@ class DesignModule(nn.Module):
         """
         checked: list[tuple[str, DesignModule, Tensor]] = []
         for name, value in values.items():
-            owner = self._owner(name)
+            owner = self.owner(name)
             domain = owner._domains[name]
             old = self.constant(name).shape
             event_shape = old[len(old) - domain.event_dims :]

@@ -89,6 +89,12 @@ class MeasurementNoise:
             self.rate,
         )
 
+    def select(self, members: Sequence[int]) -> MeasurementNoise:
+        """Some members of the first batch dimension."""
+        parts = (self.position_std, self.velocity_std, self.seed)
+        std_q, std_qd, seed = (part[list(members)] for part in parts)
+        return MeasurementNoise(std_q, std_qd, seed, self.rate)
+
     @staticmethod
     def stack(noises: Sequence[MeasurementNoise]) -> MeasurementNoise:
         """One noise with a new leading batch dimension. Raises `ConfigError` for unequal rates."""

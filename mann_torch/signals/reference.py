@@ -33,6 +33,10 @@ class Reference(nn.Module):
         """The same reference with leading batch dimensions `batch_shape`."""
 
     @abstractmethod
+    def select(self, members: Sequence[int]) -> Reference:
+        """Some members of the first batch dimension."""
+
+    @abstractmethod
     def stack(self, references: Sequence[Any]) -> Reference:
         """One reference of this kind with a new leading batch dimension."""
 
@@ -76,6 +80,11 @@ class Sinusoid(Reference):
         return Sinusoid(
             self.amplitude.expand(shape), self.frequency.expand(shape), self.offset.expand(shape)
         )
+
+    def select(self, members: Sequence[int]) -> Sinusoid:
+        """Some members of the first batch dimension."""
+        rows = list(members)
+        return Sinusoid(self.amplitude[rows], self.frequency[rows], self.offset[rows])
 
     def stack(self, references: Sequence[Sinusoid]) -> Sinusoid:
         """Sinusoids of equal shape in one, a row each."""

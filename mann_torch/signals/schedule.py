@@ -60,6 +60,10 @@ class PiecewiseConstant:
         times = self.times.expand(*batch_shape, self.times.shape[-1])
         return PiecewiseConstant(times, self.values.expand(*batch_shape, *self.values.shape[-2:]))
 
+    def select(self, members: Sequence[int]) -> PiecewiseConstant:
+        """Some members of the first batch dimension."""
+        return PiecewiseConstant(self.times[list(members)], self.values[list(members)])
+
     @staticmethod
     def stack(schedules: Sequence[PiecewiseConstant]) -> PiecewiseConstant:
         """One schedule with a new leading batch dimension; shorter ones are padded."""

@@ -109,6 +109,19 @@ class Scenario:
             noise=None if self.noise is None else self.noise.expand(batch),
         )
 
+    def select(self, members: Sequence[int]) -> Scenario:
+        """Some members of the first batch dimension."""
+        rows, full = list(members), self.expanded()
+        return replace(
+            full,
+            reference=full.reference.select(rows),
+            parameters=map_tensors(lambda leaf: leaf[rows], full.parameters),
+            horizon=as_float64(full.horizon)[rows],
+            schedule={name: s.select(rows) for name, s in full.schedule.items()},
+            start=map_tensors(lambda leaf: leaf[rows], full.start_state()),
+            noise=None if full.noise is None else full.noise.select(rows),
+        )
+
     @staticmethod
     def stack(scenarios: Sequence[Scenario], name: str = "batch") -> Scenario:
         """One scenario with a new leading batch dimension, a row per given scenario.

@@ -1,0 +1,184 @@
+"""Can the gradients be trusted? Every mode against differences, for one scenario."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from pathlib import Path
+from typing import Any, cast
+
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import OmegaConf
+from torch.utils.tensorboard import SummaryWriter
+
+from mann_torch.errors import ConfigError
+from mann_torch.tuning import Coordinates, Ensemble
+
+from .cli import command_line, reject_unknown, run_cli
+from .config import ConstantsConfig, GradientReportConfig
+from .elasticities import Findings, difference_name, estimate_all
+from .ensembles import check_names, ensemble_of
+from .figures import save
+from .gradient_figures import landscapes, norms
+from .recording import flat_settings, log_summary
+from .simulate import progress_bar
+from .writing import csv_text, write_json, write_text
+
+
+def main() -> None:
+    """Command line of `python -m experiments.gradient_report`."""
+    run_cli("gradient_report", lambda cfg: checked(cfg), _task)
+
+
+def checked(cfg: Any) -> tuple[GradientReportConfig, Ensemble, Coordinates]:
+    """A composed configuration, everything verified, nothing computed."""
+    reject_unknown(cfg, GradientReportConfig)
+    plain = cast(GradientReportConfig, OmegaConf.to_object(cfg))
+    if plain.draws < 2:
+        raise ConfigError(f"draws = {plain.draws}: at least 2, for an interval")
+    if plain.joint not in (0, 1, 2):
+        raise ConfigError(f"joint = {plain.joint}: 1 or 2, or 0 for both together")
+    if plain.pairs < 1:
+        raise ConfigError(f"pairs = {plain.pairs}: at least 1")
+    if plain.judge not in plain.steps:
+        raise ConfigError(f"judge = {plain.judge}: choose one of steps = {plain.steps}")
+    for name, numbers in (
+        ("steps", plain.steps),
+        ("spread", [plain.spread]),
+        ("temperatures", plain.temperatures),
+        ("horizons", plain.horizons),
+    ):
+        if not all(math.isfinite(number) and number > 0 for number in numbers):
+            raise ConfigError(f"{name} = {numbers}: must be finite and > 0")
+    if max(plain.spread, *plain.steps) >= 2:
+        raise ConfigError("steps and spread are relative: below 2")
+    draws = list(range(plain.draws))
+    check_names("gradient_report", [plain.scenario], draws)
+    ensemble, _ = ensemble_of(plain, [plain.scenario], draws)
+    ensemble = dataclasses.replace(ensemble, effort_after=None)
+    controller = ensemble.loop.controller
+    names = [name for name in plain.constants if name in controller.constants()]
+    for name in plain.constants:
+        if name not in ConstantsConfig.__dataclass_fields__:
+            controller.constant(name)  # says which there are; one that only this lacks is left out
+    return plain, ensemble, Coordinates(controller, names, "scalar")
+
+
+def _task(cfg: Any) -> None:
+    plain, ensemble, coordinates = checked(cfg)
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    command = command_line("experiments.gradient_report")
+    write_text(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
+    start = time.perf_counter()
+    stages = 3 + len(plain.steps) + len(plain.temperatures) + 1
+    stages += sum(horizon < ensemble.scenario.end for horizon in plain.horizons)
+    with progress_bar(stages, "stage") as bar:
+
+        def progress(stage: str) -> None:
+            bar.set_postfix_str(stage)
+            bar.update()
+
+        findings = estimate_all(plain, ensemble, coordinates, progress)
+    wall_s = time.perf_counter() - start
+    title = f"scenario {plain.scenario}, {plain.controller}"
+    figures = {"landscape": landscapes(findings, title), "norms": norms(findings, title)}
+    for name, figure in figures.items():
+        save(figure, folder / f"{name}.png")
+    report = _report(plain, findings, title, command, wall_s)
+    write_text(folder / "report.md", report)
+    header, *rows = _rows(findings)
+    write_text(folder / "elasticities.csv", csv_text([header, *rows]))
+    results = {
+        f"elasticity/{label}/{estimate.mode}": interval.mean
+        for estimate in findings.estimates
+        for label, interval in zip(findings.labels, estimate.intervals, strict=True)
+    }
+    with SummaryWriter(str(folder)) as writer:
+        log_summary(writer, flat_settings(dataclasses.asdict(plain)), results, figures)
+    write_json(
+        folder / "metrics.json",
+        {
+            "command": command,
+            "wall_s": wall_s,
+            "scenario": plain.scenario,
+            "controller": plain.controller,
+            "srmse": findings.srmse,
+            "switches": findings.switches,
+            "reallocations": findings.reallocations,
+            "elasticities": [dict(zip(header, row, strict=True)) for row in rows],
+            "norms": findings.norms,
+        },
+    )
+    print(report)
+    print(f"written to {folder}", flush=True)
+
+
+def _rows(findings: Findings) -> list[list[Any]]:
+    rows: list[list[Any]] = [["constant", "mode", "elasticity", "half_width_95", "verdict"]]
+    for coordinate, label in enumerate(findings.labels):
+        for estimate in findings.estimates:
+            interval = estimate.intervals[coordinate]
+            said = "" if estimate.mode == findings.judge else findings.verdict(estimate, coordinate)
+            rows.append([label, estimate.mode, interval.mean, interval.half, said])
+    return rows
+
+
+def _report(
+    cfg: GradientReportConfig, findings: Findings, title: str, command: str, wall_s: float
+) -> str:
+    judge = difference_name(cfg.judge)
+    joints = "both joints together" if cfg.joint == 0 else f"joint {cfg.joint}"
+    mean = sum(findings.srmse) / len(findings.srmse)
+    lines = [
+        f"# Gradients: {title}\n",
+        f"{cfg.draws} draws, {wall_s:.0f} s. Made by `{command}`.\n",
+        f"Elasticities d ln(mean SRMSE, {joints}) / d ln(constant), with 95 % intervals over "
+        f"draws. SRMSE x 10^3 = {1e3 * mean:.3f}; a draw has "
+        f"{_range(findings.switches)} switches and {_range(findings.reallocations)} resets. "
+        f"Verdicts are against **{judge}**: central differences, the judge.\n",
+        "| constant | " + " | ".join(e.mode for e in findings.estimates) + " |",
+        "|---" * (len(findings.estimates) + 1) + "|",
+    ]
+    for coordinate, label in enumerate(findings.labels):
+        cells = []
+        for estimate in findings.estimates:
+            interval = estimate.intervals[coordinate]
+            text = f"{interval.mean:+.3f} ± {interval.half:.3f}"
+            if not estimate.mode.startswith("fd"):
+                text += f"<br>{findings.verdict(estimate, coordinate)}"
+            cells.append(text)
+        lines.append(f"| {label} | " + " | ".join(cells) + " |")
+    judged = findings.by(judge).intervals
+    inside = [
+        label
+        for label, s, j in zip(
+            findings.labels, findings.by("smoothed").intervals, judged, strict=True
+        )
+        if abs(s.mean - j.mean) <= j.half
+    ]
+    outside = [label for label in findings.labels if label not in inside]
+    lines.append(
+        f"\n`smoothed` (spread {100 * cfg.spread:g} %) lies inside the interval of {judge} for "
+        f"{len(inside)} of {len(findings.labels)} constants"
+        + (f"; outside: {', '.join(outside)}." if outside else ".")
+    )
+    silent = [
+        label for label, i in zip(findings.labels, judged, strict=True) if not i.excludes_zero
+    ]
+    if silent:
+        lines.append(f"\nNo signal by the judge: {', '.join(silent)} (its interval contains 0).")
+    lines.append("\n| mode | norm of the gradient at horizon |\n|---|---|")
+    for mode, series in findings.norms.items():
+        text = ", ".join(f"{horizon:g} s: {norm:.3g}" for horizon, norm in series)
+        lines.append(f"| {mode} | {text} |")
+    return "\n".join(lines) + "\n\n![landscape](landscape.png)\n\n![norms](norms.png)\n"
+
+
+def _range(counts: list[int]) -> str:
+    low, high = min(counts), max(counts)
+    return str(low) if low == high else f"{low} to {high}"
+
+
+if __name__ == "__main__":
+    main()

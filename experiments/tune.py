@@ -1,0 +1,230 @@
+"""Tune design constants by gradient, and judge them where they were not tuned."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import torch
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import OmegaConf
+from torch.utils.tensorboard import SummaryWriter
+
+from mann_torch.errors import ConfigError
+from mann_torch.simulation.step_grid import StepGrid
+from mann_torch.tuning import Coordinates, Ensemble, GradientSettings, Objective, Schedule, Tuner
+
+from . import checkpoints, held_out
+from .cli import command_line, reject_unknown, run_cli
+from .config import TuneConfig
+from .ensembles import check_names, ensemble_of
+from .figures import save
+from .held_out import START, TUNED, Candidate
+from .recording import flat_settings, log_summary
+from .simulate import progress_bar
+from .tuning_figures import pareto, progress_curves
+from .writing import csv_text, write_json, write_text
+
+
+def main() -> None:
+    """Command line of `python -m experiments.tune`."""
+    run_cli("tune", checked, _task)
+
+
+def checked(cfg: Any) -> TuneConfig:
+    """A composed configuration as plain dataclasses, everything verified, nothing computed.
+
+    With `resume`, the configuration that run was started with.
+    """
+    reject_unknown(cfg, TuneConfig)
+    plain = cast(TuneConfig, OmegaConf.to_object(cfg))
+    if plain.resume is not None:
+        folder = Path(plain.resume)
+        plain = checkpoints.saved_config(folder)
+        plain.resume = str(folder)
+        _restored(tuner_of(plain), folder)
+    _candidates(plain, tuner_of(plain))
+    return plain
+
+
+def tuner_of(cfg: TuneConfig) -> Tuner:
+    """The tuner of a configuration. Raises `ConfigError`."""
+    check_names("train", cfg.train.scenarios, cfg.train.draws)
+    ensemble, _ = ensemble_of(cfg, cfg.train.scenarios, cfg.train.draws)
+    shared = [name for name in cfg.constants if name in ensemble.own]
+    if shared:
+        raise ConfigError(
+            f"constants: {', '.join(shared)} differ between train.scenarios: give one in `start`"
+        )
+    schedule = dataclasses.asdict(cfg.schedule)
+    try:
+        schedule["curriculum"] = [(int(a), float(b)) for a, b in cfg.schedule.curriculum]
+    except (TypeError, ValueError):
+        raise ConfigError(
+            f"schedule.curriculum = {cfg.schedule.curriculum}: give [iteration, horizon] pairs"
+        ) from None
+    return Tuner(
+        ensemble,
+        Coordinates(ensemble.loop.controller, cfg.constants, cfg.matrix_form),
+        Objective(**dataclasses.asdict(cfg.objective)),
+        GradientSettings(**dataclasses.asdict(cfg.gradient)),
+        Schedule(**schedule, seed=cfg.seed),
+    )
+
+
+def _restored(tuner: Tuner, folder: Path) -> Tuner:
+    state = checkpoints.load(folder)
+    if state is not None:
+        tuner.load_state_dict(state)
+    return tuner
+
+
+def _candidates(
+    cfg: TuneConfig, tuner: Tuner
+) -> tuple[dict[str, Ensemble], list[Candidate], list[Candidate]]:
+    """Held-out ensembles, compared candidates and grid. Raises `ConfigError`."""
+    ensembles = held_out.held_out_ensembles(cfg, cfg.held_out) if cfg.held_out.scenarios else {}
+    others, grid = held_out.compared(cfg.compare), held_out.grid_candidates(cfg.grid)
+    held_out.check_candidates(tuner.ensemble, [*others, *grid])
+    return ensembles, others, grid
+
+
+def _task(cfg: Any) -> None:
+    plain = checked(cfg)
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    tuner = tuner_of(plain)
+    if plain.resume is None:
+        write_text(folder / "command.txt", command_line("experiments.tune") + "\n")
+        write_text(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
+    else:
+        _restored(tuner, folder)
+    command = (folder / "command.txt").read_text().strip()
+    start = time.perf_counter()
+    with SummaryWriter(str(folder), purge_step=tuner.iteration) as writer:
+        _tune(tuner, folder, writer)
+        tuning_s = time.perf_counter() - start
+        values = tuner.values()
+        write_json(
+            folder / "constants.json",
+            {"constants": {name: v.tolist() for name, v in values.items()}, "command": command},
+        )
+        ensembles, others, grid = _candidates(plain, tuner)
+        candidates = [Candidate(START, {}), Candidate(TUNED, values), *others, *grid]
+        scores = _judge(ensembles, candidates)
+        chosen = [TUNED, *(candidate.name for candidate in others)]
+        verdicts = held_out.verdicts(scores, candidates, chosen)
+        labels = tuner.coordinates.labels
+        starts = [_shown(tuner.coordinates.starts()[label.split("[")[0]]) for label in labels]
+        figures = {"progress": progress_curves(tuner.history, labels, starts)}
+        if scores:
+            title = f"trained on {', '.join(plain.train.scenarios)}"
+            figures["pareto"] = pareto(scores, candidates, chosen, title)
+        for name, figure in figures.items():
+            save(figure, folder / f"{name}.png")
+        results = {"metrics/objective": tuner.history[-1]["objective"]}
+        results |= {
+            f"metrics/held_out_srmse_percent_{v.scenario}": v.srmse.mean
+            for v in verdicts
+            if v.candidate == TUNED
+        }
+        log_summary(writer, flat_settings(dataclasses.asdict(plain)), results, figures)
+    report = _report(tuner, verdicts, command, tuning_s)
+    write_text(folder / "report.md", report)
+    write_text(folder / "held_out.csv", csv_text(held_out.rows(scores, candidates)))
+    write_json(
+        folder / "metrics.json",
+        {
+            "command": command,
+            "tuning_s": tuning_s,
+            "constants": {name: v.tolist() for name, v in values.items()},
+            "silent": _silent(tuner),
+            "held_out": [dataclasses.asdict(v) for v in verdicts],
+            "history": tuner.history,
+        },
+    )
+    print(report)
+    print(f"written to {folder}", flush=True)
+
+
+def _tune(tuner: Tuner, folder: Path, writer: SummaryWriter) -> None:
+    """All iterations that are left; a checkpoint after each."""
+    labels = tuner.coordinates.labels
+    with progress_bar(tuner.schedule.iterations, "iteration") as bar:
+        bar.update(tuner.iteration)
+        while not tuner.done:
+            record = tuner.step()
+            checkpoints.save(folder, tuner.state_dict())
+            step = record["iteration"]
+            writer.add_scalar("tune/objective", record["objective"], step)
+            for label, z, slope in zip(labels, record["z"], record["gradient"], strict=True):
+                writer.add_scalar(f"log_change/{label}", z, step)
+                writer.add_scalar(f"gradient/{label}", slope, step)
+            bar.set_postfix(objective=f"{record['objective']:.4f}")
+            bar.update()
+
+
+def _judge(ensembles: dict[str, Ensemble], candidates: Sequence[Candidate]) -> dict[str, Any]:
+    steps = {}
+    for name, ensemble in ensembles.items():
+        grid = StepGrid(ensemble.scenario.end, ensemble.scenario.knots(), ensemble.solver.dt)
+        steps[name] = grid.n_steps
+    with progress_bar(sum(steps.values()), "step") as bar:
+        return {
+            name: held_out.evaluate(ensemble, candidates, bar.update)
+            for name, ensemble in ensembles.items()
+        }
+
+
+def _silent(tuner: Tuner) -> dict[str, int]:
+    """In how many iterations each coordinate's gradient was 0, or its interval contained 0."""
+    columns = zip(*(row["silent"] for row in tuner.history), strict=True)
+    return {
+        label: sum(column) for label, column in zip(tuner.coordinates.labels, columns, strict=True)
+    }
+
+
+def _report(
+    tuner: Tuner, verdicts: Sequence[held_out.Verdict], command: str, tuning_s: float
+) -> str:
+    n = len(tuner.history)
+    lines = [
+        f"# Tuned constants\n\n{n} iterations, {tuning_s:.0f} s. Made by `{command}`.\n",
+        "| constant | start | tuned | no signal in |",
+        "|---|---|---|---|",
+    ]
+    silent = _silent(tuner)
+    for name, value in tuner.values().items():
+        start = tuner.coordinates.starts()[name]
+        count = min(c for label, c in silent.items() if label.split("[")[0] == name)
+        lines.append(f"| {name} | {_text(start)} | {_text(value)} | {count} of {n} iterations |")
+    quiet = [label for label, count in silent.items() if count > n / 2]
+    if quiet:
+        lines.append(
+            f"\nNo signal in most iterations: {', '.join(quiet)}. The interval of their gradient "
+            "contains 0: where they ended is chance."
+        )
+    if verdicts:
+        lines.append("\n## Held out\n\nPaired change from the start, mean and 95 % interval.\n")
+        lines.append(held_out.markdown(verdicts))
+    return "\n".join(lines) + "\n"
+
+
+def _text(value: torch.Tensor) -> str:
+    if value.dim() == 0:
+        return f"{float(value):.4g}"
+    if bool((value == value[0, 0] * torch.eye(len(value), dtype=value.dtype)).all()):
+        return f"{float(value[0, 0]):.4g} I"
+    return (
+        "[" + ", ".join("[" + ", ".join(f"{x:.4g}" for x in r) + "]" for r in value.tolist()) + "]"
+    )
+
+
+def _shown(start: torch.Tensor) -> float:
+    return float(start.reshape(-1)[0])
+
+
+if __name__ == "__main__":
+    main()

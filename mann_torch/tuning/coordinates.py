@@ -1,0 +1,110 @@
+"""Coordinates in which constants are moved: free numbers, 0 at the start, domains kept for good."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from ..constraints import DesignModule, SymmetricPositiveDefinite
+from ..errors import ConfigError
+
+FORMS = ("scalar", "diagonal", "full")
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One constant's share of the coordinates."""
+
+    name: str
+    start: Tensor  # (*event)
+    form: str  # "scalar", or "diagonal" or "full" for a matrix
+    size: int
+
+
+class Coordinates:
+    """Chosen constants as functions of z (..., P), z = 0 at their present values.
+
+    A scalar is start * exp(z): z is its relative change. A symmetric positive definite matrix
+    (Lambda) is S start S', with S = exp(z/2) for ``scalar``, diag(exp(z/2)) for ``diagonal``, and
+    for ``full`` lower triangular with the other P's below its diagonal: it stays symmetric positive
+    definite wherever z goes.
+
+    Raises `ConfigError` for no name, an unknown or repeated one, a batched constant, a constant
+    that starts at the edge of its domain (0 times anything is 0), or an unknown form.
+    """
+
+    def __init__(
+        self, module: DesignModule, names: Sequence[str], matrix_form: str = "scalar"
+    ) -> None:
+        if matrix_form not in FORMS:
+            raise ConfigError(f"matrix form '{matrix_form}': choose from {', '.join(FORMS)}")
+        if not names:
+            raise ConfigError("no constant to tune; choose from " + ", ".join(module.constants()))
+        if len(set(names)) < len(names):
+            raise ConfigError(f"constants {', '.join(names)}: each once")
+        parts = []
+        for name in names:
+            start = module.constant(name).detach().clone()
+            matrix = isinstance(module.domain(name), SymmetricPositiveDefinite)
+            if start.dim() != module.domain(name).event_dims:
+                raise ConfigError(f"{name} has a batch shape {tuple(start.shape)}: tune one value")
+            if not matrix and not bool(start > 0):
+                raise ConfigError(f"{name} = {float(start)} can't be tuned from 0: start it > 0")
+            n = start.shape[-1] if matrix else 1
+            form = matrix_form if matrix else "scalar"
+            size = {"scalar": 1, "diagonal": n, "full": n * (n + 1) // 2}[form]
+            parts.append(_Part(name, start, form, size))
+        self._parts = parts
+        self.names = tuple(names)
+
+    @property
+    def size(self) -> int:
+        """P."""
+        return sum(part.size for part in self._parts)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """A name for each coordinate."""
+        found: list[str] = []
+        for part in self._parts:
+            if part.size == 1:
+                found.append(part.name)
+            else:
+                n = part.start.shape[-1]
+                found += [f"{part.name}[{i},{i}]" for i in range(n)]
+                if part.form == "full":
+                    found += [f"{part.name}[{i},{j}]" for i in range(n) for j in range(i)]
+        return tuple(found)
+
+    def values(self, z: Tensor) -> dict[str, Tensor]:
+        """The constants at z (..., P), each (..., *event), differentiably."""
+        values = {}
+        pieces = z.split([part.size for part in self._parts], dim=-1)
+        for part, piece in zip(self._parts, pieces, strict=True):
+            if part.start.dim() == 0:
+                values[part.name] = part.start * piece.squeeze(-1).exp()
+            else:
+                S = _factor(part, piece)
+                value = S @ part.start @ S.mT
+                values[part.name] = 0.5 * (value + value.mT)  # rounding, too, is symmetric
+        return values
+
+    def starts(self) -> Mapping[str, Tensor]:
+        """The constants at z = 0."""
+        return {part.name: part.start for part in self._parts}
+
+
+def _factor(part: _Part, z: Tensor) -> Tensor:
+    n = part.start.shape[-1]
+    if part.form == "scalar":
+        return (0.5 * z).exp().unsqueeze(-1) * torch.eye(n, dtype=z.dtype)
+    diagonal = torch.diag_embed((0.5 * z[..., :n]).exp())
+    if part.form == "diagonal":
+        return diagonal
+    row, column = torch.tril_indices(n, n, -1)
+    below = torch.zeros_like(diagonal)
+    below[..., row, column] = z[..., n:]
+    return diagonal + below

@@ -1,0 +1,156 @@
+"""What constants are judged on: members, each a scenario with its initial weights and noise."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from ..constraints import DesignModule
+from ..functional import as_float64
+from ..metrics import peak_torque, srmse, torque_rate
+from ..simulation import ClosedLoop, Scenario, Solver, Trajectory, rollout
+from ..trees import map_tensors
+from ..types import NetworkState
+
+
+class Score(NamedTuple):
+    """What a rollout is judged by, both joints together; NaN for a sample that diverged."""
+
+    srmse: Tensor  # (...,) root of the sum of squares over joints [rad]
+    rate: Tensor  # (...,) RMS torque rate, likewise [N m/s]
+    peak: Tensor  # (...,) largest |torque| of any joint since `effort_after` [N m]
+
+
+#: What a rollout is worth, (..., B).
+Judge = Callable[[Trajectory], Tensor]
+
+
+@contextmanager
+def constants_at(module: DesignModule, values: Mapping[str, Tensor]) -> Iterator[None]:
+    """Set constants, and put back what was there, parameters and all."""
+    before = {name: module.constant(name) for name in values}
+    owners = {name: module.owner(name) for name in values}
+    module.initialize(**{name: value.detach() for name, value in values.items()})
+    try:
+        yield
+    finally:
+        for name, parameter in before.items():
+            owners[name].register_parameter(name, parameter)
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """B members of one loop: scenario batch (B,), initial weights (B, *event)."""
+
+    loop: ClosedLoop
+    scenario: Scenario
+    network: NetworkState
+    solver: Solver
+    #: Constants that a member has of its own, (B, *event); what is tuned comes before them.
+    own: Mapping[str, Tensor] = dataclasses.field(default_factory=dict)
+    effort_after: float | None = 10.0  # [s]; None: no effort is measured
+    engine: str = "auto"
+    device: str = "cpu"
+
+    def __len__(self) -> int:
+        return len(self.network.b_v)
+
+    def select(self, members: Sequence[int]) -> Ensemble:
+        """Some of the members."""
+        chosen = list(members)
+        return dataclasses.replace(
+            self,
+            scenario=self.scenario.select(chosen),
+            network=map_tensors(lambda leaf: leaf[chosen], self.network),
+            own={name: value[chosen] for name, value in self.own.items()},
+        )
+
+    def until(self, horizon: float | None) -> Ensemble:
+        """The same members, none longer than `horizon` [s]."""
+        if horizon is None:
+            return self
+        shorter = as_float64(self.scenario.horizon).clamp(max=horizon)
+        return dataclasses.replace(
+            self, scenario=dataclasses.replace(self.scenario, horizon=shorter)
+        )
+
+    def run(
+        self,
+        values: Mapping[str, Tensor],
+        gradient: str = "plain",
+        temperature: float | None = None,
+        progress: Callable[[int], object] | None = None,
+    ) -> Trajectory:
+        """Roll all members out; values (..., 1 or B, *event) give batch (..., B).
+
+        Gradients reach the controller's own parameters: set them free within `constants_at`.
+        """
+        own = {name: value for name, value in self.own.items() if name not in values}
+        with constants_at(self.loop.controller, own):
+            return rollout(
+                self.loop,
+                self.scenario,
+                self.solver,
+                network=self.network,
+                motion_dt=self.scenario.end,
+                sample_until=0.0,
+                effort_after=self.effort_after,
+                engine=self.engine,
+                device=self.device,
+                progress=progress,
+            )
+
+    def scores(
+        self, values: Mapping[str, Tensor], progress: Callable[[int], object] | None = None
+    ) -> Score:
+        """Scores (..., B) under constants (..., 1 or B, *event), without gradients."""
+        with torch.no_grad(), constants_at(self.loop.controller, values):
+            return score(self.run(values, progress=progress))
+
+    def judged(
+        self,
+        values: Mapping[str, Tensor],
+        judge: Judge,
+        progress: Callable[[int], object] | None = None,
+    ) -> Tensor:
+        """`judge` of the rollouts (..., B), without gradients."""
+        with torch.no_grad(), constants_at(self.loop.controller, values):
+            return judge(self.run(values, progress=progress))
+
+    def pathwise(
+        self,
+        values: Mapping[str, Tensor],
+        judge: Judge,
+        gradient: str = "plain",
+        temperature: float | None = None,
+    ) -> tuple[Tensor, dict[str, Tensor]]:
+        """`judge` of the rollouts, (B,), and its gradient to each constant, (B, *event).
+
+        `values` are (B, *event): each member has its own, so that each has its own gradient. A
+        constant that no gradient reaches gets zeros.
+        """
+        controller = self.loop.controller
+        with torch.enable_grad(), constants_at(controller, values):
+            free = [controller.constant(name).requires_grad_(True) for name in values]
+            judged = judge(self.run(values, gradient, temperature))
+            if not judged.requires_grad:
+                return judged, {name: torch.zeros_like(p) for name, p in values.items()}
+            found = torch.autograd.grad(judged.sum(), free, allow_unused=True)
+        zeros = map(torch.zeros_like, free)
+        pairs = zip(values, found, zeros, strict=True)
+        return judged.detach(), {name: z if g is None else g for name, g, z in pairs}
+
+
+def score(trajectory: Trajectory) -> Score:
+    """Both joints together."""
+    return Score(
+        srmse(trajectory).square().sum(dim=-1).sqrt(),
+        torque_rate(trajectory).square().sum(dim=-1).sqrt(),
+        peak_torque(trajectory).amax(dim=-1),
+    )

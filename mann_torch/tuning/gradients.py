@@ -1,0 +1,139 @@
+"""Gradient modes by name: what each is exact for, and what it costs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from ..errors import ConfigError
+from .coordinates import Coordinates
+from .ensemble import Ensemble, Judge
+from .slopes import DESIGNS, Slope, differences, smoothed
+
+#: Modes that differentiate through a rollout: names of `rollout(gradient=...)`.
+PATHWISE = ("plain", "hybrid", "soft")
+MODES = (*PATHWISE, "smoothed", "fd")
+
+
+@dataclass(frozen=True)
+class GradientSettings:
+    """A mode and its settings.
+
+    | mode | exact for | cost in forward rollouts a member |
+    |---|---|---|
+    | plain | the present sequence of switches and resets, their times held still | about 7 |
+    | hybrid | isolated switches and resets, whose times it moves; sliding stretches averaged | 10 |
+    | soft | the relaxed controller of `temperature`, not the hard one | about 7 |
+    | smoothed | the mean over members and a relative `spread` | 2 `pairs`, times P if ``each`` |
+    | fd | the mean slope over +- `step` | 2 P |
+
+    `temperature` falls geometrically to `final_temperature` over a tuning run. `control`: names of
+    constants whose plain gradient is right, a control variate for ``joint``.
+    """
+
+    mode: str = "smoothed"
+    spread: float = 0.13
+    pairs: int = 2
+    design: str = "joint"
+    control: Sequence[str] = ()
+    step: float = 0.1
+    temperature: float = 0.02
+    final_temperature: float = 0.002
+
+    def check(self, members: int, coordinates: Coordinates, minibatch: int | None = None) -> None:
+        """Raise `ConfigError` for what can't work."""
+        if self.mode not in MODES:
+            raise ConfigError(f"gradient mode '{self.mode}': choose from {', '.join(MODES)}")
+        if self.design not in DESIGNS:
+            raise ConfigError(f"gradient design '{self.design}': choose from {', '.join(DESIGNS)}")
+        for name in ("spread", "step"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and 0 < value < 2):
+                raise ConfigError(f"gradient {name} = {value}: must be > 0 and < 2")
+        for name in ("temperature", "final_temperature"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise ConfigError(f"gradient {name} = {value}: must be finite and > 0")
+        if self.pairs < 1:
+            raise ConfigError(f"gradient pairs = {self.pairs}: at least 1")
+        for name in self.control:
+            if name not in coordinates.names:
+                raise ConfigError(
+                    f"gradient control: '{name}' is not tuned; "
+                    f"choose from {', '.join(coordinates.names)}"
+                )
+        size = min(members, minibatch or members)
+        joint = self.mode == "smoothed" and self.design == "joint"
+        if joint and size * self.pairs <= coordinates.size:
+            raise ConfigError(
+                f"{size} members x {self.pairs} pairs can't tell {coordinates.size} coordinates "
+                "apart: more gradient.pairs, or gradient.design=each"
+            )
+
+    def temperature_at(self, progress: float) -> float:
+        """The temperature when a share `progress` (0 to 1) of the run is done."""
+        ratio = self.final_temperature / self.temperature
+        return self.temperature * ratio**progress
+
+
+def slope_of(
+    ensemble: Ensemble,
+    coordinates: Coordinates,
+    z: Tensor,
+    judge: Judge,
+    settings: GradientSettings,
+    generator: torch.Generator | None = None,
+    progress: float = 0.0,
+) -> Slope:
+    """The slope of the members' mean objective at z (P,) by the chosen mode.
+
+    `judge` turns rollouts into the objective (..., B).
+    """
+
+    def values(points: Tensor) -> Tensor:
+        return ensemble.judged(coordinates.values(points), judge)
+
+    members = len(ensemble)
+    if settings.mode == "fd":
+        return differences(values, z, members, settings.step)
+    if settings.mode == "smoothed":
+        control = None
+        if settings.control and settings.design == "joint":
+            exact, _ = pathwise_slopes(ensemble, coordinates, z, judge, "plain")
+            known = [label.split("[")[0] in settings.control for label in coordinates.labels]
+            control = torch.where(torch.tensor(known), exact, torch.nan)
+        return smoothed(
+            values,
+            z,
+            members,
+            spread=settings.spread,
+            pairs=settings.pairs,
+            design=settings.design,
+            generator=generator,
+            control=control,
+        )
+    slopes, value = pathwise_slopes(
+        ensemble, coordinates, z, judge, settings.mode, settings.temperature_at(progress)
+    )
+    return Slope.of_members(slopes, value)
+
+
+def pathwise_slopes(
+    ensemble: Ensemble,
+    coordinates: Coordinates,
+    z: Tensor,
+    judge: Judge,
+    mode: str,
+    temperature: float | None = None,
+) -> tuple[Tensor, float]:
+    """Each member's own gradient along the coordinates (B, P), and the mean objective."""
+    own = z.expand(len(ensemble), -1).clone().requires_grad_(True)
+    with torch.enable_grad():
+        values = coordinates.values(own)
+    judged, found = ensemble.pathwise(values, judge, mode, temperature)
+    (slopes,) = torch.autograd.grad(list(values.values()), own, [found[name] for name in values])
+    return slopes, float(judged.mean())
