@@ -16,10 +16,12 @@ from .memory import (
     HardAttention,
     KeyRule,
     ReallocatingAttention,
+    RelaxedAttention,
     RepresentationKeys,
     SoftAttention,
     StateKeys,
     WorkingMemory,
+    relaxed,
 )
 from .metrics import reallocations, srmse, switches
 from .plants import ArmParameters, Plant, TwoLinkArm, arm_parameters
@@ -58,6 +60,7 @@ __all__ = [
     "PlantState",
     "ReallocatingAttention",
     "Reference",
+    "RelaxedAttention",
     "RepresentationKeys",
     "Scenario",
     "ShapeError",
@@ -75,6 +78,7 @@ __all__ = [
     "equal_parameter_hidden",
     "observe",
     "reallocations",
+    "relaxed",
     "rollout",
     "srmse",
     "switches",

@@ -23,7 +23,7 @@ class ReallocatingAttention(Attention):
     and after that, in phase ``always``, to the least relevant slot. Phase ``initial`` stops when
     all slots are in use. Paper: eqs. (decrule-addnewloc) and (indsel-aftsat).
 
-    theta enters by comparison alone, so that autograd gives it no gradient.
+    theta enters by comparison alone, so that autograd gives it no gradient; `relaxed` does.
 
     Raises `ConfigError` for an unknown phase, `DomainError` for theta < 0.
     """
