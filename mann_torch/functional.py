@@ -106,7 +106,7 @@ def pick(condition: Tensor, new: Tensor, old: Tensor) -> Tensor:
 
 
 def blend(degree: Tensor, new: Tensor, old: Tensor) -> Tensor:
-    """`old` moved to `new` by a degree (...,) in [0, 1]; where that is boolean, one or the other."""
+    """`old` moved to `new` by a degree (...,) in [0, 1]; a boolean one picks, as `pick`."""
     if degree.dtype == torch.bool:
         return pick(degree, new, old)
     share = degree.reshape(degree.shape + (1,) * (new.dim() - degree.dim()))

@@ -50,7 +50,9 @@ class Marcher:
         grid = job.grid
         self.n_steps = grid.n_steps
         carried = {name: getattr(inputs, name) for name in CARRIED}
-        carried |= {"active": job.active, "counts": job.counts}
+        self._carried = [name for name, value in carried.items() if value is not None]
+        carried["active"] = job.active if inputs.active is None else inputs.active
+        carried["counts"] = job.counts
         self._start = {name: value for name, value in carried.items() if value is not None}
         step_bytes = sum(v.nelement() * v.element_size() for v in self._start.values())
         self.span = self.n_steps
@@ -183,12 +185,11 @@ class Marcher:
         """
         given = {name: value.contiguous() for name, value in outputs.items() if value is not None}
         found = {name: torch.zeros_like(self._fixed[name]) for name in PARAMETERS}
-        carried = [name for name in CARRIED if name in self._start]
         computed = bool(self._tape)  # by the forward pass, in one piece
         if not computed:
             self._make_tape()
-        tape = {name: torch.empty_like(self._tape[name]) for name in carried}
-        back = {name: torch.zeros_like(self._start[name]) for name in carried}
+        tape = {name: torch.empty_like(self._tape[name]) for name in self._carried}
+        back = {name: torch.zeros_like(self._start[name]) for name in self._carried}
         grid = self.job.grid
         nowhere = torch.full_like(grid.motion_slot, -1)
         silent = {"motion_slot": nowhere, "state_slot": nowhere}

@@ -18,7 +18,7 @@ class Inputs(NamedTuple):
     frequency: Tensor  # (B, n)
     reference_offset: Tensor  # (B, n)
     error_gain: Tensor  # (B, n, n)
-    constant: Tensor  # (B, 9), order of `types.CONSTANTS`
+    constant: Tensor  # (B, 10), order of `form.CONSTANTS`
     coefficient: Tensor  # (segments, B, 10)
     q: Tensor  # (B, n), the state at t = 0 from here on
     qd: Tensor  # (B, n)
@@ -29,11 +29,14 @@ class Inputs(NamedTuple):
     mu: Tensor | None  # (B, S, N)
     keys: Tensor | None  # (B, S, n)
     squared: Tensor  # (B, n), squared error at t = 0 times its share of time
+    active: Tensor | None  # (B, S), activity levels of relaxed attention
 
 
 PARAMETERS = Inputs._fields[:6]
 LEAVES = Inputs._fields[6:14]
 CARRIED = Inputs._fields[6:]
+#: Those kept as outputs.
+KEPT = (*LEAVES, "active")
 
 
 class Grid(NamedTuple):
@@ -59,7 +62,7 @@ class Job:
     gamma: float
     grid: Grid
     horizon: Tensor  # (B,) [s]
-    active: Tensor | None  # (B, S) float64, 1 for slots in use at t = 0
+    active: Tensor | None  # (B, S) float64, 1 for slots in use at t = 0; not of relaxed attention
     counts: Tensor | None  # (B, 3) int32: attended, switches, reallocations
     limit: float
     device: str

@@ -67,6 +67,7 @@ def run(task: Task, reason: str) -> Record:
         coefficients,
         plant.coulomb_velocity,
         task.state,
+        task.mode,
         shares_of(task.grid.times)[0],
     )
     active, counts = pack_mode(task.mode)
@@ -76,7 +77,7 @@ def run(task: Task, reason: str) -> Record:
         gamma=GAMMA,
         grid=map_tensors(there, _grid(task)),
         horizon=there(task.horizon.reshape(-1)),
-        active=map_tensors(there, active),
+        active=None if form.relaxed else map_tensors(there, active),
         counts=map_tensors(there, counts),
         limit=task.limit,
         device=device,
@@ -96,8 +97,8 @@ def run(task: Task, reason: str) -> Record:
         motion=motion[..., : 2 * n],
         squared_error=motion[..., 2 * n :],
         states=_states(task.state, kept, shape),
-        modes=unpack_mode(_first(kept.active, samples), _first(kept.counts, samples), shape),
-        final_mode=unpack_mode(kept.last_active, kept.last_counts, batch),
+        modes=unpack_mode(form, _first(kept.active, samples), _first(kept.counts, samples), shape),
+        final_mode=unpack_mode(form, kept.last_active, kept.last_counts, batch),
         stopped=torch.where(failed, kept.stop, -1).long().reshape(batch),
         kind=kind.reshape(batch),
         leaf=(_leaf_numbers(task.state)[(kept.cause // 10).long()]).reshape(batch),
