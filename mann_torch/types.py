@@ -67,7 +67,7 @@ class Shift(NamedTuple):
     """Decision to shift attention (paper: a_r, i_s)."""
 
     fires: Tensor  # (...,) bool, a_r = 1; relaxed: float64, the degree p in [0, 1]
-    slot: Tensor  # (...,) int64, i_s
+    target: Tensor  # (..., S) bool, 1 on the slot i_s; relaxed: float64, shares of the degree
 
 
 class Comparison(NamedTuple):

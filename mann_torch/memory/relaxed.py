@@ -20,23 +20,22 @@ class RelaxedAttention(Attention):
     """Hard attention (phase None) or reallocating attention at a temperature T > 0.
 
     A slot has an activity level a_i in [0, 1]. It counts as in use to the degree
-    g_i = a_i^(1/T) / (a_i^(1/T) + (1 - a_i)^(1/T)), and with that in every comparison:
+    g_i = a_i^(1/T) / (a_i^(1/T) + (1 - a_i)^(1/T)), and with that everywhere:
 
     - weights w_i ~ g_i exp(-D_i / T), for hard attention's argmin of the distances D_i;
     - d_min = -T log sum_i g_i exp(-R_i / T), for the least relevance R_i = |sigma - mu_i/c_w|_inf;
-    - p = sigmoid((d_min - theta) / T), for d_min >= theta. A jump resets the slot to the degree p:
-      its contents, key and activity move that share of the way.
+    - p = sigmoid((d_min - theta) / T), for d_min >= theta;
+    - u_i = (1 - g_i) g_1 ... g_(i-1), for the first unused slot; in phase ``always`` what is left,
+      g_1 ... g_S, goes to slots by g_i exp(R_i / T), for the least relevant one.
 
-    As T -> 0 all of it becomes hard or reallocating attention. The power 1/T is what makes it so:
-    where theta is not reached, p = exp(-(theta - d_min) / T) is small, but exp(-D_i / T) is as
-    small, so that with g_i = a_i a slot hardly touched would win at any T if only it were near
-    enough. The power also settles a slot that theta's neighbourhood has opened by half: below
-    a_i = 1/2 it does not count, above it does.
+    A jump resets slot i to the degree p u_i: contents, key and activity move that share of the
+    way. No decision is left, so that the loop is continuous in its constants. As T -> 0 it becomes
+    hard or reallocating attention. The power 1/T is what makes it so: where theta is not reached,
+    p ~ exp(-(theta - d_min) / T) is small, but exp(-D_i / T) is as small, so that with g_i = a_i a
+    slot hardly touched would win, at any T, if only it were near enough.
 
-    Which slot is reset is a decision without gradient, as in the hard forms: the first with
-    a_i < 1/2, else (phase ``always``) the least relevant. Of active slots at exactly the same
-    distance the first counts alone, as hard attention has it: without stored contents all slots
-    of hard attention start equal.
+    Of slots at exactly the same distance the first counts alone, as hard attention has it: without
+    stored contents all slots of hard attention start equal.
 
     `temperature` is T, in the unit of the distances: [-], with state keys [rad]. `shift_threshold`
     is theta [-], a constant only where there is a phase. p is a share a step, so that results at
@@ -74,30 +73,37 @@ class RelaxedAttention(Attention):
         """Weights (..., S): the closest slot's is nearly 1 where T is small."""
         keys = comparison.keys / per_matrix(comparison.scale)
         distances = infinity_distances(comparison.query, keys)
-        return torch.softmax(closeness(distances, active, self.temperature), dim=-1)
+        use = log_use(active, self.temperature)
+        return torch.softmax(closeness(distances, use, self.temperature), dim=-1)
 
     def decide_shift(self, distances: Tensor, mode: MemoryMode) -> Shift | None:
-        """p (...,) float64 and i_s (...,); None without a phase."""
+        """p (...,) and u (..., S), both float64; None without a phase."""
         if self.phase is None:
             return None
-        total = torch.logsumexp(closeness(distances, mode.active, self.temperature), dim=-1)
-        fires = torch.sigmoid(-(total + self.shift_threshold / self.temperature))
-        unused = mode.active < 0.5
-        grows = unused.any(dim=-1)
-        if self.phase == "initial":
-            fires = torch.where(grows, fires, 0.0)
-        first = unused.to(torch.int64).argmax(dim=-1)
-        return Shift(fires, torch.where(grows, first, distances.argmax(dim=-1)))
+        T = self.temperature
+        use = log_use(mode.active, T)
+        total = torch.logsumexp(closeness(distances, use, T), dim=-1)
+        fires = torch.sigmoid(-(total + self.shift_threshold / T))
+        all_used = torch.nn.functional.pad(use, (1, 0)).cumsum(dim=-1).exp()  # g_1 ... g_i
+        target = all_used[..., :-1] - all_used[..., 1:]
+        if self.phase == "always":
+            farthest = torch.softmax(closeness(-distances, use, T), dim=-1)
+            target = target + all_used[..., -1:] * farthest
+        return Shift(fires, target)
 
 
-def closeness(distances: Tensor, active: Tensor, temperature: Tensor) -> Tensor:
-    """log g_i - D_i / T (..., S); -inf for a slot not in use, or tied with an earlier one."""
-    T = temperature.unsqueeze(-1)
+def log_use(active: Tensor, temperature: Tensor) -> Tensor:
+    """log g_i (..., S), g_i the degree to which a slot of activity a_i is in use."""
     partly = (active >= TINY) & (active < 1)
     level = torch.where(partly, active, 0.5)
     log_odds = level.log() - torch.log1p(-level)
-    in_use = torch.where(partly, torch.nn.functional.logsigmoid(log_odds / T), 0.0)
+    log_g = torch.nn.functional.logsigmoid(log_odds / temperature.unsqueeze(-1))
+    return torch.where(partly, log_g, torch.where(active < TINY, -torch.inf, 0.0))
+
+
+def closeness(distances: Tensor, use: Tensor, temperature: Tensor) -> Tensor:
+    """log g_i - D_i / T (..., S); -inf for a slot tied with an earlier one, no less in use."""
     same = distances.unsqueeze(-1) == distances.unsqueeze(-2)
-    outranked = active.unsqueeze(-1) <= active.unsqueeze(-2)
+    outranked = use.unsqueeze(-1) <= use.unsqueeze(-2)
     tied = (same & outranked).tril(-1).any(dim=-1)
-    return torch.where((active >= TINY) & ~tied, in_use - distances / T, -torch.inf)
+    return torch.where(tied, -torch.inf, use - distances / temperature.unsqueeze(-1))

@@ -14,7 +14,6 @@ from ..functional import (
     blend,
     frobenius,
     infinity_distances,
-    one_hot,
     per_matrix,
     row_times,
 )
@@ -129,14 +128,14 @@ class WorkingMemory(DesignModule):
         """Reallocate where attention asks for it, then note which slot is attended.
 
         The reset slot gets c_w sigma or sigma (`reset`) and a fresh key; no other slot changes.
-        Relaxed attention does so by a degree, which counts as a reallocation above one half.
+        Relaxed attention resets each slot to a degree; one of more than half counts.
         """
         shift = None
         if self.attention.reallocates:
             shift = self.attention.decide_shift(self.relevance(hidden, memory), mode)
         active, reallocations = mode.active, mode.reallocations
         if shift is not None:
-            degree = one_hot(shift.slot, self.n_slots) * shift.fires.unsqueeze(-1)
+            degree = shift.target * shift.fires.unsqueeze(-1)
             gain = self.write_gain.unsqueeze(-1) if self.reset == "scaled" else 1.0
             fresh = self.key_rule.fresh_keys(context)
             memory = MemoryState(
@@ -144,7 +143,7 @@ class WorkingMemory(DesignModule):
                 blend(degree, fresh.unsqueeze(-2), memory.keys),
             )
             active = blend(degree, torch.ones_like(active), active)
-            reallocations = reallocations + (shift.fires > 0.5)
+            reallocations = reallocations + (degree > 0.5).any(dim=-1)
         weights = self._attend(hidden, context, memory, mode._replace(active=active))
         attended = weights.argmax(dim=-1)
         switched = (attended != mode.attended) & (mode.attended >= 0)

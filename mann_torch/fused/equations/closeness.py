@@ -93,42 +93,54 @@ def make_closeness(t: SimpleNamespace) -> SimpleNamespace:
         return wp.log(level) - wp.log(real(1.0) - level)
 
     @wp.func
-    def tied(distances: slot_vector, active: slot_vector, slot: int):
-        """1 where an earlier slot is as active and exactly as far."""
+    def log_use(active: slot_vector, temperature: real):
+        use = slot_vector()
+        for i in range(S):
+            if active[i] < TINY:
+                use[i] = real(-wp.inf)
+            elif active[i] < real(1.0):
+                x = log_odds(active[i]) / temperature
+                use[i] = wp.min(x, real(0.0)) - wp.log(real(1.0) + wp.exp(-wp.abs(x)))
+        return use
+
+    @wp.func_grad(log_use)
+    def adj_log_use(active: slot_vector, temperature: real, adj_ret: slot_vector):
+        for i in range(S):
+            if active[i] >= TINY and active[i] < real(1.0):
+                odds = log_odds(active[i])
+                slope = adj_ret[i] / temperature / (real(1.0) + wp.exp(odds / temperature))
+                bend = real(1.0) / active[i] + real(1.0) / (real(1.0) - active[i])
+                wp.adjoint[active][i] += slope * bend
+                wp.adjoint[temperature] -= slope * odds / temperature
+
+    @wp.func
+    def tied(distances: slot_vector, use: slot_vector, slot: int):
+        """1 where an earlier slot is exactly as far, and no less in use."""
         found = int(0)
         for i in range(S):
-            if i < slot and distances[i] == distances[slot] and active[i] >= active[slot]:
+            if i < slot and distances[i] == distances[slot] and use[i] >= use[slot]:
                 found = int(1)
         return found
 
     @wp.func
-    def closeness(distances: slot_vector, active: slot_vector, temperature: real):
+    def closeness(distances: slot_vector, use: slot_vector, temperature: real):
         score = slot_vector()
         for i in range(S):
             score[i] = real(-wp.inf)
-            if active[i] >= TINY and tied(distances, active, i) == 0:
-                in_use = real(0.0)
-                if active[i] < real(1.0):
-                    x = log_odds(active[i]) / temperature
-                    in_use = wp.min(x, real(0.0)) - wp.log(real(1.0) + wp.exp(-wp.abs(x)))
-                score[i] = in_use - distances[i] / temperature
+            if tied(distances, use, i) == 0:
+                score[i] = use[i] - distances[i] / temperature
         return score
 
     @wp.func_grad(closeness)
     def adj_closeness(
-        distances: slot_vector, active: slot_vector, temperature: real, adj_ret: slot_vector
+        distances: slot_vector, use: slot_vector, temperature: real, adj_ret: slot_vector
     ):
         for i in range(S):
-            if active[i] >= TINY and tied(distances, active, i) == 0:
+            if tied(distances, use, i) == 0:
                 slope = adj_ret[i] / temperature
+                wp.adjoint[use][i] += adj_ret[i]
                 wp.adjoint[distances][i] -= slope
                 wp.adjoint[temperature] += slope * distances[i] / temperature
-                if active[i] < real(1.0):
-                    odds = log_odds(active[i])
-                    slope = slope / (real(1.0) + wp.exp(odds / temperature))
-                    bend = real(1.0) / active[i] + real(1.0) / (real(1.0) - active[i])
-                    wp.adjoint[active][i] += slope * bend
-                    wp.adjoint[temperature] -= slope * odds / temperature
 
     @wp.func
     def softmax(score: slot_vector):
@@ -163,4 +175,4 @@ def make_closeness(t: SimpleNamespace) -> SimpleNamespace:
     def adj_log_sum(score: slot_vector, adj_ret: real):
         wp.adjoint[score] += adj_ret * softmax(score)
 
-    return SimpleNamespace(closeness=closeness, softmax=softmax, log_sum=log_sum)
+    return SimpleNamespace(log_use=log_use, closeness=closeness, softmax=softmax, log_sum=log_sum)

@@ -15,11 +15,12 @@ def make_relaxed(form: Form, t: SimpleNamespace) -> SimpleNamespace:
     content_row, S, ALWAYS = t.content_row, t.S, form.always
     space, near = make_distances(form, t), make_closeness(t)
     relevance, distances = space.relevance, space.distances
-    closeness, softmax, log_sum = near.closeness, near.softmax, near.log_sum
+    log_use, closeness = near.log_use, near.closeness
+    softmax, log_sum = near.softmax, near.log_sum
 
     @wp.func
     def attend(y: State, hidden: hidden_vector, active: slot_vector, c: constants):
-        return softmax(closeness(distances(y, hidden, c), active, c[9]))
+        return softmax(closeness(distances(y, hidden, c), log_use(active, c[9]), c[9]))
 
     @wp.func
     def falling(x: real):
@@ -33,43 +34,44 @@ def make_relaxed(form: Form, t: SimpleNamespace) -> SimpleNamespace:
         wp.adjoint[x] -= p * (real(1.0) - p) * adj_ret
 
     @wp.func
-    def target(distances: slot_vector, active: slot_vector):
-        """The slot that may be reset, -1 for none: the first unused, else the least relevant."""
-        unused = int(-1)
-        farthest = int(0)
+    def spread(use: slot_vector, farthest: slot_vector):
+        """Shares u_i: P_(i-1) - P_i with P_i = g_1 ... g_i, and what is left to the farthest."""
+        shares = slot_vector()
+        before = real(1.0)
         for i in range(S):
-            if active[i] < real(0.5) and unused < 0:
-                unused = i
-            if distances[i] > distances[farthest]:
-                farthest = i
-        if ALWAYS and unused < 0:
-            unused = farthest
-        return unused
+            after = before * wp.exp(use[i])
+            shares[i] = before - after
+            before = after
+        return shares + before * farthest
 
-    @wp.func_grad(target)
-    def adj_target(distances: slot_vector, active: slot_vector, adj_ret: wp.int32):
-        pass
-
-    @wp.func
-    def placed(slot: int, degree: real):
-        mask = slot_vector()
+    @wp.func_grad(spread)
+    def adj_spread(use: slot_vector, farthest: slot_vector, adj_ret: slot_vector):
+        product = real(1.0)
         for i in range(S):
-            if i == slot:
-                mask[i] = degree
-        return mask
-
-    @wp.func_grad(placed)
-    def adj_placed(slot: int, degree: real, adj_ret: slot_vector):
-        for i in range(S):
-            if i == slot:
-                wp.adjoint[degree] += adj_ret[i]
+            product = product * wp.exp(use[i])
+        wp.adjoint[farthest] += product * adj_ret
+        # From the last product to the first: each log g_i enters those from P_i on.
+        passed = product * wp.dot(farthest, adj_ret)
+        for k in range(S):
+            i = S - 1 - k
+            product = real(1.0)
+            for j in range(i + 1):
+                product = product * wp.exp(use[j])
+            passed -= product * adj_ret[i]
+            if k > 0:
+                passed += product * adj_ret[i + 1]
+            wp.adjoint[use][i] += passed
 
     @wp.func
     def reset_degrees(y: State, hidden: hidden_vector, active: slot_vector, c: constants):
-        """p on the slot that is reset now, 0 elsewhere."""
+        """p u_i: how far each slot is reset now."""
         R = relevance(y, hidden, c)
-        p = falling(log_sum(closeness(R, active, c[9])) + c[7] / c[9])
-        return placed(target(R, active), p)
+        use = log_use(active, c[9])
+        p = falling(log_sum(closeness(R, use, c[9])) + c[7] / c[9])
+        farthest = slot_vector()
+        if ALWAYS:
+            farthest = softmax(closeness(-R, use, c[9]))
+        return p * spread(use, farthest)
 
     @wp.func
     def raised(active: slot_vector, mask: slot_vector):
