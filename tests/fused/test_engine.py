@@ -192,7 +192,9 @@ def test_equal_forms_share_a_kernel() -> None:
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device on this machine")
-@pytest.mark.parametrize("name", ["nn", "soft", "reallocating_always_state_keys"])
+@pytest.mark.parametrize(
+    "name", ["nn", "soft", "reallocating_always_state_keys", "relaxed_always_state_keys"]
+)
 def test_a_gpu_gives_what_a_cpu_gives(name: str) -> None:
     made = case(name, 0.5, batch=9)
     (gain,) = made.loop.controller.tune("base_gain")
