@@ -154,8 +154,15 @@ def test_kept_motion_is_thinned_inside_the_kernel_and_srmse_is_not() -> None:
             mt.srmse(run, after=0.25)
 
 
-def test_more_neurons_and_slots_than_are_unrolled() -> None:
-    memory = mt.WorkingMemory(18, 23, mt.ReallocatingAttention("always"))
+@pytest.mark.parametrize(
+    "attention",
+    [
+        mt.ReallocatingAttention("always"),
+        pytest.param(mt.RelaxedAttention(0.05, "always"), marks=pytest.mark.slow),
+    ],
+)
+def test_more_neurons_and_slots_than_are_unrolled(attention: mt.Attention) -> None:
+    memory = mt.WorkingMemory(18, 23, attention)
     loop = mt.ClosedLoop(mt.TwoLinkArm(), mt.MannController(2, 23, memory))
     (gain,) = loop.controller.tune("write_gain")
     runs, slopes = [], []
