@@ -15,7 +15,7 @@ from yaml import YAMLError  # type: ignore[import-untyped]
 
 from mann_torch.errors import ConfigError
 
-from .config import TuneConfig
+from .study_config import TuneConfig
 from .writing import write_bytes
 
 FILE = "checkpoint.pt"

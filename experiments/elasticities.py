@@ -20,8 +20,8 @@ from mann_torch.tuning import (
     smoothed,
 )
 
-from .config import GradientReportConfig
 from .results import Interval
+from .study_config import GradientReportConfig
 
 
 @dataclass(frozen=True)

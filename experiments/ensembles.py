@@ -20,8 +20,9 @@ from mann_torch.types import NetworkState
 from .batching import side_by_side
 from .build import Experiment, build
 from .cli import compose_job
-from .config import ConstantsConfig, SimulateConfig, StudyConfig
+from .config import ConstantsConfig, SimulateConfig
 from .hydra_setup import group_names
+from .study_config import StudyConfig
 
 
 @dataclass(frozen=True)

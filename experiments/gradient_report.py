@@ -16,13 +16,14 @@ from mann_torch.errors import ConfigError
 from mann_torch.tuning import Coordinates, Ensemble
 
 from .cli import command_line, reject_unknown, run_cli
-from .config import ConstantsConfig, GradientReportConfig
+from .config import ConstantsConfig
 from .elasticities import Findings, difference_name, estimate_all
 from .ensembles import check_names, ensemble_of
 from .figures import save
 from .gradient_figures import landscapes, norms
 from .recording import flat_settings, log_summary
 from .simulate import progress_bar
+from .study_config import GradientReportConfig
 from .writing import csv_text, write_json, write_text
 
 

@@ -16,9 +16,9 @@ from torch import Tensor
 from mann_torch.errors import ConfigError
 from mann_torch.tuning import Ensemble, Score
 
-from .config import SetConfig, TuneConfig
 from .ensembles import check_names, ensemble_of
 from .results import Interval, interval
+from .study_config import SetConfig, TuneConfig
 
 START, TUNED = "start", "tuned"
 #: What a candidate may cost beside the start, to count as within limits.

@@ -10,7 +10,8 @@ from pathlib import Path
 from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 
-from .config import GradientReportConfig, ReproduceConfig, SimulateConfig, TuneConfig
+from .config import ReproduceConfig, SimulateConfig
+from .study_config import GradientReportConfig, TuneConfig
 
 # conf/ in a checkout, mann_torch/conf in an installed wheel: beside this package in both.
 CONF = Path(__file__).resolve().parent.parent / "conf"

@@ -19,12 +19,12 @@ from mann_torch.tuning import Coordinates, Ensemble, GradientSettings, Objective
 
 from . import checkpoints, held_out
 from .cli import command_line, reject_unknown, run_cli
-from .config import TuneConfig
 from .ensembles import check_names, ensemble_of
 from .figures import save
 from .held_out import START, TUNED, Candidate
 from .recording import flat_settings, log_summary
 from .simulate import progress_bar
+from .study_config import TuneConfig
 from .tuning_figures import pareto, progress_curves
 from .writing import csv_text, write_json, write_text
 

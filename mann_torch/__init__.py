@@ -16,10 +16,12 @@ from .memory import (
     HardAttention,
     KeyRule,
     ReallocatingAttention,
+    RelaxedAttention,
     RepresentationKeys,
     SoftAttention,
     StateKeys,
     WorkingMemory,
+    relaxed,
 )
 from .metrics import peak_torque, reallocations, srmse, switches, torque_rate
 from .plants import ArmParameters, Plant, TwoLinkArm, arm_parameters
@@ -59,6 +61,7 @@ __all__ = [
     "PlantState",
     "ReallocatingAttention",
     "Reference",
+    "RelaxedAttention",
     "RepresentationKeys",
     "Scenario",
     "ShapeError",
@@ -77,6 +80,7 @@ __all__ = [
     "observe",
     "peak_torque",
     "reallocations",
+    "relaxed",
     "rollout",
     "srmse",
     "switches",

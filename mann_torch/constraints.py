@@ -150,12 +150,21 @@ class DesignModule(nn.Module):
             checked.append((name, owner, _checked(name, value, domain, event_shape)))
         for name, owner, new in checked:
             grad = self.constant(name).requires_grad
+            owner.__dict__.pop(name, None)  # a tensor that was shared
             owner.register_parameter(name, nn.Parameter(new, requires_grad=grad))
+
+    def share(self, name: str, tensor: Tensor) -> None:
+        """Let the constant `name` be this very tensor, so that gradients reach it. Checked."""
+        owner = self.owner(name)
+        owner._domains[name].check(name, as_float64(tensor, name).detach())
+        delattr(owner, name)
+        setattr(owner, name, tensor)
 
     def tune(self, *names: str) -> list[nn.Parameter]:
         """Let gradients reach exactly the named constants; freeze all others. Returns them.
 
-        `shift_threshold` enters only through a comparison: its gradient is None, or 0.
+        `shift_threshold` enters by comparison alone: its gradient is None, or 0, unless attention
+        is relaxed.
         """
         chosen: list[nn.Parameter] = [self.constant(name) for name in names]
         for parameter in self.constants().values():

@@ -103,3 +103,11 @@ def pick(condition: Tensor, new: Tensor, old: Tensor) -> Tensor:
     """`torch.where` with the condition (...,) broadcast over trailing dimensions."""
     extra = new.dim() - condition.dim()
     return torch.where(condition.reshape(condition.shape + (1,) * extra), new, old)
+
+
+def blend(degree: Tensor, new: Tensor, old: Tensor) -> Tensor:
+    """`old` moved to `new` by a degree (...,) in [0, 1]; a boolean one picks, as `pick`."""
+    if degree.dtype == torch.bool:
+        return pick(degree, new, old)
+    share = degree.reshape(degree.shape + (1,) * (new.dim() - degree.dim()))
+    return (1.0 - share) * old + share * new

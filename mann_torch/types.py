@@ -52,9 +52,12 @@ class MemoryState(NamedTuple):
 
 
 class MemoryMode(NamedTuple):
-    """The discrete part of the memory: frozen while the loop flows, changed by jumps."""
+    """What is frozen while the loop flows and changed by jumps.
 
-    active: Tensor  # (..., S) bool, slots in use
+    All of it is discrete but the activity levels of relaxed attention, which carry gradients.
+    """
+
+    active: Tensor  # (..., S) bool, slots in use; relaxed attention: float64 levels in [0, 1]
     attended: Tensor  # (...,) int64, slot with the largest weight; -1 before the first decision
     switches: Tensor  # (...,) int64, changes of the attended slot so far
     reallocations: Tensor  # (...,) int64, resets so far
@@ -63,8 +66,8 @@ class MemoryMode(NamedTuple):
 class Shift(NamedTuple):
     """Decision to shift attention (paper: a_r, i_s)."""
 
-    fires: Tensor  # (...,) bool, a_r = 1
-    slot: Tensor  # (...,) int64, i_s
+    fires: Tensor  # (...,) bool, a_r = 1; relaxed: float64, the degree p in [0, 1]
+    target: Tensor  # (..., S) bool, 1 on the slot i_s; relaxed: float64, shares of the degree
 
 
 class Comparison(NamedTuple):

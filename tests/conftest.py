@@ -35,6 +35,9 @@ def make_attention(name: str) -> mt.Attention:
         "hard": mt.HardAttention,
         "reallocating_initial": lambda: mt.ReallocatingAttention("initial"),
         "reallocating_always": lambda: mt.ReallocatingAttention("always"),
+        "relaxed_hard": lambda: mt.RelaxedAttention(0.05),
+        "relaxed_initial": lambda: mt.RelaxedAttention(0.05, "initial"),
+        "relaxed_always": lambda: mt.RelaxedAttention(0.05, "always"),
     }
     return kinds[name]()
 

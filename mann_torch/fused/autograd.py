@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from .engine import Marcher
-from .job import LEAVES, Inputs, Job
+from .job import KEPT, LEAVES, Inputs, Job
 
 
 class Kept(NamedTuple):
@@ -24,7 +24,7 @@ class Kept(NamedTuple):
     b_v: Tensor  # (K, B, N)
     mu: Tensor | None  # (K, B, S, N)
     keys: Tensor | None  # (K, B, S, n)
-    active: Tensor | None  # (K, B, S) float64, 1 for slots in use
+    active: Tensor | None  # (K, B, S) float64, 1 for slots in use, or activity levels
     counts: Tensor | None  # (K, B, 3) int32: attended, switches, reallocations
     last_active: Tensor | None  # (B, S) after the last step
     last_counts: Tensor | None  # (B, 3)
@@ -38,7 +38,7 @@ class _March(torch.autograd.Function):
         ctx: Any, job: Job, box: list[Marcher], backward: bool, *flat: Tensor | None
     ) -> Any:
         inputs = Inputs(*(None if x is None else x.detach().contiguous() for x in flat))  # type: ignore[arg-type]
-        ctx.names = [name for name in LEAVES if getattr(inputs, name) is not None]
+        ctx.names = [name for name in KEPT if getattr(inputs, name) is not None]
         marcher = Marcher(job, inputs, backward)
         starts = marcher.forward()
         box.append(marcher)
@@ -68,12 +68,12 @@ def march(job: Job, inputs: Inputs) -> Kept:
     backward = torch.is_grad_enabled() and any(x is not None and x.requires_grad for x in inputs)
     motion, *leaves = _March.apply(job, box, backward, *inputs)
     marcher = box[0]
-    names = [name for name in LEAVES if getattr(inputs, name) is not None]
+    names = [name for name in KEPT if getattr(inputs, name) is not None]
     leaves_by_name = dict(zip(names, leaves, strict=True))
     kept = Kept(
         motion=motion,
         **{name: leaves_by_name.get(name) for name in LEAVES},  # type: ignore[arg-type]
-        active=marcher.kept.get("active"),
+        active=leaves_by_name.get("active", marcher.kept.get("active")),
         counts=marcher.kept.get("counts"),
         last_active=marcher.last.get("active"),
         last_counts=marcher.last.get("counts"),

@@ -12,7 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from .job import CARRIED, LEAVES, MOTION, PARAMETERS, Inputs, Job
+from .job import CARRIED, KEPT, MOTION, PARAMETERS, Inputs, Job
 from .kernels import Launch, kernel, pool
 
 #: Steps times samples of one launch on a core: about half a second, so that progress shows and
@@ -50,7 +50,9 @@ class Marcher:
         grid = job.grid
         self.n_steps = grid.n_steps
         carried = {name: getattr(inputs, name) for name in CARRIED}
-        carried |= {"active": job.active, "counts": job.counts}
+        self._carried = [name for name, value in carried.items() if value is not None]
+        carried["active"] = job.active if inputs.active is None else inputs.active
+        carried["counts"] = job.counts
         self._start = {name: value for name, value in carried.items() if value is not None}
         step_bytes = sum(v.nelement() * v.element_size() for v in self._start.values())
         self.span = self.n_steps
@@ -67,7 +69,7 @@ class Marcher:
         self.kept = {
             name: value.new_empty((rows["state"], *value.shape))
             for name, value in self._start.items()
-            if name in (*LEAVES, "active", "counts")
+            if name in (*KEPT, "counts")
         }
         start = {"device": inputs.q.device, "dtype": torch.int32}
         self.stop = torch.full((self.batch,), self.n_steps, **start)  # type: ignore[call-overload]
@@ -188,12 +190,11 @@ class Marcher:
         """
         given = {name: value.contiguous() for name, value in outputs.items() if value is not None}
         found = {name: torch.zeros_like(self._fixed[name]) for name in PARAMETERS}
-        carried = [name for name in CARRIED if name in self._start]
         computed = bool(self._tape)  # by the forward pass, in one piece
         if not computed:
             self._make_tape()
-        tape = {name: torch.empty_like(self._tape[name]) for name in carried}
-        back = {name: torch.zeros_like(self._start[name]) for name in carried}
+        tape = {name: torch.empty_like(self._tape[name]) for name in self._carried}
+        back = {name: torch.zeros_like(self._start[name]) for name in self._carried}
         grid = self.job.grid
         nowhere = torch.full_like(grid.motion_slot, -1)
         silent = {"motion_slot": nowhere, "state_slot": nowhere}

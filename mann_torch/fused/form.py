@@ -17,6 +17,7 @@ from ..memory import (
     HardAttention,
     KeyRule,
     ReallocatingAttention,
+    RelaxedAttention,
     RepresentationKeys,
     SoftAttention,
     StateKeys,
@@ -35,6 +36,7 @@ ATTENTIONS: dict[type[Attention], str] = {
     SoftAttention: "soft",
     HardAttention: "hard",
     ReallocatingAttention: "reallocating",
+    RelaxedAttention: "relaxed",
 }
 KEY_RULES: dict[type[KeyRule], str] = {RepresentationKeys: "representation", StateKeys: "state"}
 
@@ -49,6 +51,7 @@ CONSTANTS = (
     "write_gain",
     "shift_threshold",
     "key_rate",
+    "temperature",
 )
 #: A sample's row of plant coefficients: phi, rho, psi, phi gamma, psi gamma, viscous (2),
 #: Coulomb (2), Coulomb velocity.
@@ -73,7 +76,12 @@ class Form:
     @property
     def reallocates(self) -> bool:
         """Whether a slot can be reset."""
-        return self.attention == "reallocating"
+        return self.attention in ("reallocating", "relaxed_reallocating")
+
+    @property
+    def relaxed(self) -> bool:
+        """Whether slots have activity levels, which carry gradients from step to step."""
+        return self.attention.startswith("relaxed")
 
 
 def unfused_part(plant: Plant, controller: Controller, reference: Reference) -> str | None:
@@ -109,12 +117,15 @@ def form_of(
             n_hidden, 0, "none", "none", False, True, coulomb, follow_reference, noise, effort
         )
     attention = memory.attention
+    name = ATTENTIONS[type(attention)]
+    if isinstance(attention, RelaxedAttention):
+        name += "_reallocating" if attention.reallocates else "_hard"
     return Form(
         n_hidden=n_hidden,
         n_slots=memory.n_slots,
-        attention=ATTENTIONS[type(attention)],
+        attention=name,
         keys=KEY_RULES[type(memory.key_rule)],
-        always=isinstance(attention, ReallocatingAttention) and attention.phase == "always",
+        always=getattr(attention, "phase", None) == "always",
         scaled_reset=memory.reset == "scaled",
         coulomb=coulomb,
         follow_reference=follow_reference,

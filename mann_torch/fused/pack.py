@@ -29,6 +29,7 @@ def pack_inputs(
     coefficients: Sequence[ArmCoefficients],
     coulomb_velocity: float,
     state: LoopState,
+    mode: MemoryMode | None,
     share: Tensor,
 ) -> Inputs:
     """Everything that gradients reach, from objects of one batch shape.
@@ -64,6 +65,7 @@ def pack_inputs(
         squared=_rows(squared, batch, 1),
         torque=torch.zeros_like(q) if form.effort else None,
         effort=torch.zeros_like(q).repeat(1, 2) if form.effort else None,
+        active=pack_mode(mode)[0] if form.relaxed else None,
     )
 
 
@@ -84,9 +86,12 @@ def pack_mode(mode: MemoryMode | None) -> tuple[Tensor | None, Tensor | None]:
     return active, counts.to(torch.int32).reshape(-1, 3)
 
 
-def unpack_mode(active: Tensor | None, counts: Tensor | None, shape: Any) -> MemoryMode | None:
+def unpack_mode(
+    form: Form, active: Tensor | None, counts: Tensor | None, shape: Any
+) -> MemoryMode | None:
     """The mode again, with leading dimensions `shape`."""
     if active is None or counts is None:
         return None
     attended, switches, resets = counts.to(torch.int64).reshape(*shape, 3).unbind(-1)
-    return MemoryMode(active.reshape(*shape, -1) > 0.5, attended, switches, resets)
+    active = active.reshape(*shape, -1)
+    return MemoryMode(active if form.relaxed else active > 0.5, attended, switches, resets)

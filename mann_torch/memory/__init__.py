@@ -1,4 +1,4 @@
-"""Continuous-time working memory with soft, hard and reallocating attention.
+"""Continuous-time working memory with soft, hard, reallocating and relaxed attention.
 
 This package imports nothing of control, plants or solvers: other learning code can use it alone.
 """
@@ -7,6 +7,8 @@ from .attention import Attention
 from .hard import HardAttention
 from .keys import KeyRule, RepresentationKeys, StateKeys
 from .reallocating import PHASES, ReallocatingAttention
+from .relaxed import RelaxedAttention
+from .relaxing import relaxed
 from .soft import SoftAttention
 from .working_memory import RESETS, WorkingMemory
 
@@ -30,8 +32,10 @@ __all__ = [
     "HardAttention",
     "KeyRule",
     "ReallocatingAttention",
+    "RelaxedAttention",
     "RepresentationKeys",
     "SoftAttention",
     "StateKeys",
     "WorkingMemory",
+    "relaxed",
 ]

@@ -17,18 +17,20 @@ class Attention(DesignModule):
     reallocates = False
     #: Whether all slots are in use from the start.
     starts_full = True
+    #: Whether a slot's activity is a level in [0, 1], float64, rather than a bool.
+    graded = False
 
     @abstractmethod
     def forward(self, comparison: Comparison, active: Tensor) -> Tensor:
         """Weights w_r (..., S): non-negative, sum 1, 0 on inactive slots.
 
         `comparison` holds the query (..., D), keys (..., S, D) and their scale; `active`
-        (..., S) is boolean with at least one True in each row.
+        (..., S) is boolean with at least one True in each row, or activity levels (`graded`).
         """
 
     @abstractmethod
     def decide_shift(self, distances: Tensor, mode: MemoryMode) -> Shift | None:
-        """Whether to reset a slot, and which; None if this mechanism never does.
+        """Whether (or to which degree) to reset a slot, and which; None if this never does.
 
         `distances` (..., S) are |sigma - mu_i / c_w|_inf, the paper's relevance.
         """

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from ..constraints import NonNegative
 from ..errors import ConfigError
-from ..functional import Numbers
+from ..functional import Numbers, one_hot
 from ..types import Comparison, MemoryMode, Shift
 from .attention import Attention
 from .hard import attend_nearest
@@ -23,7 +23,7 @@ class ReallocatingAttention(Attention):
     and after that, in phase ``always``, to the least relevant slot. Phase ``initial`` stops when
     all slots are in use. Paper: eqs. (decrule-addnewloc) and (indsel-aftsat).
 
-    theta enters by comparison alone, so that autograd gives it no gradient.
+    theta enters by comparison alone, so that autograd gives it no gradient; `relaxed` does.
 
     Raises `ConfigError` for an unknown phase, `DomainError` for theta < 0.
     """
@@ -44,7 +44,7 @@ class ReallocatingAttention(Attention):
         return attend_nearest(comparison, active)
 
     def decide_shift(self, distances: Tensor, mode: MemoryMode) -> Shift:
-        """a_r (...,) and i_s (...,): the first unused slot, else the least relevant one."""
+        """a_r (...,) and i_s (..., S): the first unused slot, else the least relevant one."""
         active = mode.active
         near = (distances < self.shift_threshold.unsqueeze(-1)) & active
         grows = ~active.all(dim=-1)
@@ -52,4 +52,5 @@ class ReallocatingAttention(Attention):
         if self.phase == "initial":
             fires = fires & grows
         unused = (~active).to(torch.int64).argmax(dim=-1)
-        return Shift(fires, torch.where(grows, unused, distances.argmax(dim=-1)))
+        slot = torch.where(grows, unused, distances.argmax(dim=-1))
+        return Shift(fires, one_hot(slot, active.shape[-1]))

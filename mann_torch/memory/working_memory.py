@@ -11,11 +11,10 @@ from ..constraints import DesignModule, Positive
 from ..errors import ConfigError, ShapeError
 from ..functional import (
     Numbers,
+    blend,
     frobenius,
     infinity_distances,
-    one_hot,
     per_matrix,
-    pick,
     row_times,
 )
 from ..types import MemoryMode, MemoryOutput, MemoryState
@@ -91,12 +90,17 @@ class WorkingMemory(DesignModule):
         return MemoryState(mu, keys)
 
     def initial_mode(self, batch_shape: Sequence[int]) -> MemoryMode:
-        """All slots active, or only the first where attention grows the set, or those stored."""
+        """All slots active, or only the first where attention grows the set, or those stored.
+
+        Boolean, or float64 where attention is `graded`.
+        """
         active = torch.ones(*batch_shape, self.n_slots, dtype=torch.bool)
         if bool(self.has_contents):
             active = active & self.initial_active
         elif not self.attention.starts_full:
             active[..., 1:] = False
+        if self.attention.graded:
+            active = active.to(torch.float64)
         count = torch.zeros(tuple(batch_shape), dtype=torch.int64)
         return MemoryMode(active, count - 1, count, count.clone())
 
@@ -124,21 +128,22 @@ class WorkingMemory(DesignModule):
         """Reallocate where attention asks for it, then note which slot is attended.
 
         The reset slot gets c_w sigma or sigma (`reset`) and a fresh key; no other slot changes.
+        Relaxed attention resets each slot to a degree; one of more than half counts.
         """
         shift = None
         if self.attention.reallocates:
             shift = self.attention.decide_shift(self.relevance(hidden, memory), mode)
         active, reallocations = mode.active, mode.reallocations
         if shift is not None:
-            chosen = one_hot(shift.slot, self.n_slots) & shift.fires.unsqueeze(-1)
+            degree = shift.target * shift.fires.unsqueeze(-1)
             gain = self.write_gain.unsqueeze(-1) if self.reset == "scaled" else 1.0
             fresh = self.key_rule.fresh_keys(context)
             memory = MemoryState(
-                pick(chosen, (gain * hidden).unsqueeze(-2), memory.mu),
-                pick(chosen, fresh.unsqueeze(-2), memory.keys),
+                blend(degree, (gain * hidden).unsqueeze(-2), memory.mu),
+                blend(degree, fresh.unsqueeze(-2), memory.keys),
             )
-            active = active | chosen
-            reallocations = reallocations + shift.fires
+            active = blend(degree, torch.ones_like(active), active)
+            reallocations = reallocations + (degree > 0.5).any(dim=-1)
         weights = self._attend(hidden, context, memory, mode._replace(active=active))
         attended = weights.argmax(dim=-1)
         switched = (attended != mode.attended) & (mode.attended >= 0)
@@ -155,9 +160,10 @@ class WorkingMemory(DesignModule):
     def store_(self, state: MemoryState, active: Tensor | None = None) -> None:
         """Keep one unbatched state, mu (S, N), as the contents to start from.
 
-        `active` (S,) bool says which slots are in use; all of them if not given. Raises
-        `ShapeError` for a batch, `ConfigError` where no slot is active.
+        `active` (S,) bool says which slots are in use; all of them if not given. Of levels, those
+        above one half. Raises `ShapeError` for a batch, `ConfigError` where no slot is active.
         """
+        active = None if active is None else active > 0.5
         if state.mu.shape != self.initial_mu.shape or state.keys.shape != self.initial_keys.shape:
             raise ShapeError(
                 f"store_ takes one memory, mu {tuple(self.initial_mu.shape)} and keys "

@@ -70,6 +70,7 @@ def run(task: Task, reason: str) -> Record:
         coefficients,
         plant.coulomb_velocity,
         task.state,
+        task.mode,
         shares_of(task.grid.times)[0],
     )
     active, counts = pack_mode(task.mode)
@@ -81,7 +82,7 @@ def run(task: Task, reason: str) -> Record:
         **_noise(task, there),
         effort_after=task.effort_after or 0.0,
         horizon=there(task.horizon.reshape(-1)),
-        active=map_tensors(there, active),
+        active=None if form.relaxed else map_tensors(there, active),
         counts=map_tensors(there, counts),
         limit=task.limit,
         device=device,
@@ -102,8 +103,8 @@ def run(task: Task, reason: str) -> Record:
         squared_error=motion[..., 2 * n : 3 * n],
         effort=None if task.effort_after is None else Effort(*motion[..., 3 * n :].chunk(2, -1)),
         states=_states(task.state, kept, shape),
-        modes=unpack_mode(_first(kept.active, samples), _first(kept.counts, samples), shape),
-        final_mode=unpack_mode(kept.last_active, kept.last_counts, batch),
+        modes=unpack_mode(form, _first(kept.active, samples), _first(kept.counts, samples), shape),
+        final_mode=unpack_mode(form, kept.last_active, kept.last_counts, batch),
         stopped=torch.where(failed, kept.stop, -1).long().reshape(batch),
         kind=kind.reshape(batch),
         leaf=(_leaf_numbers(task.state)[(kept.cause // 10).long()]).reshape(batch),

@@ -23,6 +23,12 @@ NAMES = (
     "reallocating_initial_state_keys",
     "reallocating_always",
     "reallocating_always_state_keys",
+    "relaxed_hard",
+    "relaxed_hard_state_keys",
+    "relaxed_initial",
+    "relaxed_initial_state_keys",
+    "relaxed_always",
+    "relaxed_always_state_keys",
 )
 #: Nothing is zero, nothing is one.
 CONSTANTS = {
@@ -36,6 +42,7 @@ CONSTANTS = {
     "write_gain": 0.7,
     "shift_threshold": 0.15,
     "key_rate": 1.3,
+    "temperature": 0.04,
 }
 
 
@@ -84,7 +91,8 @@ def freed(made: Case) -> tuple[Case, dict[str, Tensor]]:
     controller = made.loop.controller
     free: dict[str, Tensor] = {}
     for name, constant in controller.constants().items():
-        if name != "shift_threshold":  # it enters by comparison alone
+        if name != "shift_threshold" or "temperature" in controller.constants():
+            # In the hard forms it enters by comparison alone.
             constant.requires_grad_(True)
             free[name] = constant
 

@@ -154,8 +154,15 @@ def test_kept_motion_is_thinned_inside_the_kernel_and_srmse_is_not() -> None:
             mt.srmse(run, after=0.25)
 
 
-def test_more_neurons_and_slots_than_are_unrolled() -> None:
-    memory = mt.WorkingMemory(18, 23, mt.ReallocatingAttention("always"))
+@pytest.mark.parametrize(
+    "attention",
+    [
+        mt.ReallocatingAttention("always"),
+        pytest.param(mt.RelaxedAttention(0.05, "always"), marks=pytest.mark.slow),
+    ],
+)
+def test_more_neurons_and_slots_than_are_unrolled(attention: mt.Attention) -> None:
+    memory = mt.WorkingMemory(18, 23, attention)
     loop = mt.ClosedLoop(mt.TwoLinkArm(), mt.MannController(2, 23, memory))
     (gain,) = loop.controller.tune("write_gain")
     runs, slopes = [], []
@@ -192,7 +199,9 @@ def test_equal_forms_share_a_kernel() -> None:
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device on this machine")
-@pytest.mark.parametrize("name", ["nn", "soft", "reallocating_always_state_keys"])
+@pytest.mark.parametrize(
+    "name", ["nn", "soft", "reallocating_always_state_keys", "relaxed_always_state_keys"]
+)
 def test_a_gpu_gives_what_a_cpu_gives(name: str) -> None:
     made = case(name, 0.5, batch=9)
     (gain,) = made.loop.controller.tune("base_gain")

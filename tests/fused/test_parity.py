@@ -39,8 +39,15 @@ def assert_same(runs: list[mt.Trajectory], limit: float) -> None:
         assert mine.shape == other.shape and relative(mine, other) <= limit
     for mode, other_mode in ((a.modes, b.modes), (a.final_mode, b.final_mode)):
         for mine, other in zip(leaves(mode), leaves(other_mode), strict=True):
-            assert mine.dtype == other.dtype and torch.equal(mine, other)
+            assert mine.dtype == other.dtype
+            # Activity levels are numbers, all else are decisions.
+            levels = mine.is_floating_point()
+            assert relative(mine, other) <= limit if levels else torch.equal(mine, other)
     assert torch.equal(a.status, b.status)
+
+
+def resets(name: str) -> bool:
+    return "initial" in name or "always" in name
 
 
 def both(made: Case | Experiment, *arguments: object, **options: object) -> list[mt.Trajectory]:
@@ -60,7 +67,7 @@ def both(made: Case | Experiment, *arguments: object, **options: object) -> list
 
 @pytest.mark.parametrize(
     ("name", "reset"),
-    [(n, "scaled") for n in NAMES] + [(n, "raw") for n in NAMES if n.startswith("re")],
+    [(n, "scaled") for n in NAMES] + [(n, "raw") for n in NAMES if resets(n)],
 )
 def test_one_step_from_anywhere(name: str, reset: str) -> None:
     solver = mt.Implicit()
@@ -72,7 +79,7 @@ def test_half_a_second_with_mass_jumps_friction_and_resets(name: str) -> None:
     solver = mt.Implicit(follow_reference=name != "soft")
     runs = both(case(name, 0.5), solver, sample_dt=0.02)
     assert_same(runs, 1e-9)
-    if name.startswith("reallocating"):
+    if resets(name):
         assert (mt.reallocations(runs[0]) > 0).all()
 
 

@@ -29,13 +29,14 @@ def make_nearest(t: SimpleNamespace) -> SimpleNamespace:
 
 def make_hard(t: SimpleNamespace, keys: SimpleNamespace) -> SimpleNamespace:
     """Weight 1 on the nearest slot."""
-    real, State, hidden_vector, slot_vector = t.real, t.State, t.hidden_vector, t.slot_vector
+    real, State, constants = t.real, t.State, t.constants
+    hidden_vector, slot_vector = t.hidden_vector, t.slot_vector
     nearest, distances = make_nearest(t).nearest, keys.distances
 
     @wp.func
-    def attend(y: State, hidden: hidden_vector, active: slot_vector, write_gain: real):
+    def attend(y: State, hidden: hidden_vector, active: slot_vector, c: constants):
         weights = slot_vector()
-        weights[nearest(distances(y, hidden, write_gain), active)] = real(1.0)
+        weights[nearest(distances(y, hidden, c[6]), active)] = real(1.0)
         return weights
 
     @wp.func_grad(attend)
@@ -43,7 +44,7 @@ def make_hard(t: SimpleNamespace, keys: SimpleNamespace) -> SimpleNamespace:
         y: State,
         hidden: hidden_vector,
         active: slot_vector,
-        write_gain: real,
+        c: constants,
         adj_ret: slot_vector,
     ):
         pass
@@ -53,8 +54,8 @@ def make_hard(t: SimpleNamespace, keys: SimpleNamespace) -> SimpleNamespace:
 
 def make_soft(t: SimpleNamespace, keys: SimpleNamespace) -> SimpleNamespace:
     """Softmax of the keys' inner products with the query, over the active slots."""
-    real, State, hidden_vector, slot_vector = t.real, t.State, t.hidden_vector, t.slot_vector
-    S = t.S
+    real, State, constants = t.real, t.State, t.constants
+    hidden_vector, slot_vector, S = t.hidden_vector, t.slot_vector, t.S
     scores = keys.scores
 
     @wp.func
@@ -79,7 +80,7 @@ def make_soft(t: SimpleNamespace, keys: SimpleNamespace) -> SimpleNamespace:
             wp.adjoint[score][i] += weights[i] * (adj_ret[i] - mean)
 
     @wp.func
-    def attend(y: State, hidden: hidden_vector, active: slot_vector, write_gain: real):
+    def attend(y: State, hidden: hidden_vector, active: slot_vector, c: constants):
         return masked_softmax(scores(y, hidden), active)
 
     return SimpleNamespace(attend=attend)

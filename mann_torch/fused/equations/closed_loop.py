@@ -31,6 +31,8 @@ def make_closed_loop(form: Form, t: SimpleNamespace) -> SimpleNamespace:
         memory = make_memory(form, t)
         write, key_rate_of = memory.write, memory.key_rate_of
         relevance, shift, fresh = memory.relevance, memory.shift, memory.fresh
+        if memory.relaxed is not None:
+            contents_square = memory.relaxed.contents_square
 
     @wp.func
     def gain_of(y: State, active: slot_vector, c: constants):
@@ -131,6 +133,11 @@ def make_closed_loop(form: Form, t: SimpleNamespace) -> SimpleNamespace:
         pass
 
     @wp.func
+    def raised(active: slot_vector, mask: slot_vector):
+        """Slots in use after the reset."""
+        return wp.max(active, mask)
+
+    @wp.func
     def reset(y: State, hidden: hidden_vector, mask: slot_vector, c_w: real):
         """Contents after the reset: c_w sigma (or sigma) in the marked slot."""
         new = hidden
@@ -159,10 +166,13 @@ def make_closed_loop(form: Form, t: SimpleNamespace) -> SimpleNamespace:
         torque_of=torque_of,
         stiff_block=stiff_block,
         reset_mask=reset_mask,
+        raised=raised,
         reset=reset,
         reset_keys=reset_keys,
         solve=solve,
     )
     if MEMORY:
         found.attend, found.largest = memory.attend, memory.largest
+        if memory.relaxed is not None:  # there a reset has a degree, and that a gradient
+            found.reset_mask, found.raised = memory.relaxed.reset_degrees, memory.relaxed.raised
     return found

@@ -23,7 +23,7 @@ def make_step(form: Form, t: SimpleNamespace, gamma: float) -> SimpleNamespace:
     stiff_block, solve = loop.stiff_block, loop.solve
     reset_mask, reset, reset_keys = loop.reset_mask, loop.reset, loop.reset_keys
     if MEMORY:
-        attend, largest = loop.attend, loop.largest
+        attend, largest, raised = loop.attend, loop.largest, loop.raised
 
     @wp.struct
     class Outcome:
@@ -84,8 +84,8 @@ def make_step(form: Form, t: SimpleNamespace, gamma: float) -> SimpleNamespace:
                 y.mu = reset(before, hidden, mask, c[6])
                 if STATE_KEYS:
                     y.keys = reset_keys(before, mask)
-                active = wp.max(active, mask)
-            weights = attend(y, hidden, active, c[6])
+                active = raised(active, mask)
+            weights = attend(y, hidden, active, c)
             out.mode.active = active
             out.mode.counts = count(mode, largest(weights, active), mask)
 
@@ -118,7 +118,7 @@ def make_step(form: Form, t: SimpleNamespace, gamma: float) -> SimpleNamespace:
         hidden_1 = sigmoid(gaze_1.pre)
         weights_1 = slot_vector()
         if MEMORY:
-            weights_1 = attend(y_1, hidden_1, active, c[6])
+            weights_1 = attend(y_1, hidden_1, active, c)
         gain_1 = gain_of(y_1, active, c)
         torque_1 = torque_of(y_1, gaze_1, hidden_1, weights_1, gain_1)
         f_1 = rates(y_1, gaze_1, hidden_1, angles(y_1.q), weights_1, torque_1, c, k)

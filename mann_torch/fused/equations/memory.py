@@ -7,6 +7,7 @@ import warp as wp
 from ..form import Form
 from .attention import make_hard, make_soft
 from .keys import make_representation, make_state
+from .relaxed import make_relaxed
 
 
 def make_memory(form: Form, t: SimpleNamespace) -> SimpleNamespace:
@@ -16,7 +17,11 @@ def make_memory(form: Form, t: SimpleNamespace) -> SimpleNamespace:
     S, ALWAYS = t.S, form.always
     representation = make_representation(t)
     keys = make_state(t) if form.keys == "state" else representation
-    attend = (make_soft if form.attention == "soft" else make_hard)(t, keys).attend
+    relaxed = make_relaxed(form, t) if form.relaxed else None
+    if relaxed is None:
+        attend = (make_soft if form.attention == "soft" else make_hard)(t, keys).attend
+    else:
+        attend = relaxed.attend
     relevance = representation.distances
     key_rate_of, fresh = keys.derivative, keys.fresh
 
@@ -60,7 +65,7 @@ def make_memory(form: Form, t: SimpleNamespace) -> SimpleNamespace:
     def largest(weights: slot_vector, active: slot_vector):
         best = int(-1)
         for i in range(S):
-            if active[i] > real(0.5) and (best < 0 or weights[i] > weights[best]):
+            if active[i] > real(0.0) and (best < 0 or weights[i] > weights[best]):
                 best = i
         return best
 
@@ -70,6 +75,7 @@ def make_memory(form: Form, t: SimpleNamespace) -> SimpleNamespace:
 
     return SimpleNamespace(
         attend=attend,
+        relaxed=relaxed,
         relevance=relevance,
         key_rate_of=key_rate_of,
         fresh=fresh,

@@ -1,0 +1,112 @@
+"""Schemas of studies of the design constants: gradient reports and tuning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from .config import InitialConfig, MemoryConfig, SolverConfig
+
+
+@dataclass
+class NoiseConfig:
+    """White measurement noise, a stream a draw; no noise where both are 0."""
+
+    position_std: float = 0.0  # [rad]
+    velocity_std: float = 0.0  # [rad/s]
+    rate: float | None = None  # [Hz]; null: new at every solver step
+    seed: int = 1000  # draw k has the stream seed + k
+
+
+@dataclass
+class StudyConfig:
+    """What constants are judged on; the base of `tune` and `gradient_report`."""
+
+    controller: str = "reallocating_initial"
+    keys: str = "representation"
+    memory: MemoryConfig = field(default_factory=MemoryConfig)
+    solver: SolverConfig = field(default_factory=SolverConfig)
+    initial: InitialConfig = field(default_factory=InitialConfig)
+    noise: NoiseConfig = field(default_factory=NoiseConfig)
+    start: dict[str, Any] = field(default_factory=dict)  # constants to start from; else each
+    # scenario's own
+    effort_after: float = 10.0  # [s] peak torques count from here on
+    horizon: float | None = None  # [s], cuts every scenario short
+    seed: int = 0
+    run_dir: str | None = None
+
+
+@dataclass
+class SetConfig:
+    """Scenarios times draws of the initial weights."""
+
+    scenarios: list[str] = field(default_factory=list)
+    draws: list[int] = field(default_factory=list)
+
+
+@dataclass
+class ObjectiveConfig:
+    """`mann_torch.tuning.Objective`; limits are multiples of the start's."""
+
+    effort_weight: float = 0.1
+    rate_limit: float | None = 0.9
+    peak_limit: float | None = 1.0
+    saturation: float | None = None  # [N m]
+    penalty: float = 20.0
+
+
+@dataclass
+class GradientConfig:
+    """`mann_torch.tuning.GradientSettings`."""
+
+    mode: str = "smoothed"
+    spread: float = 0.13
+    pairs: int = 2
+    design: str = "joint"
+    control: list[str] = field(default_factory=list)
+    step: float = 0.1
+    temperature: float = 0.02
+    final_temperature: float = 0.002
+
+
+@dataclass
+class ScheduleConfig:
+    """`mann_torch.tuning.Schedule`."""
+
+    iterations: int = 50
+    optimizer: str = "adam"
+    rate: float = 0.08
+    minibatch: int | None = None
+    curriculum: list[Any] = field(default_factory=list)  # [iteration, horizon in s] pairs
+
+
+@dataclass
+class TuneConfig(StudyConfig):
+    """Constants to tune, on what, how, and on what they are judged afterwards."""
+
+    constants: list[str] = field(default_factory=list)
+    matrix_form: str = "scalar"
+    train: SetConfig = field(default_factory=SetConfig)
+    held_out: SetConfig = field(default_factory=SetConfig)
+    objective: ObjectiveConfig = field(default_factory=ObjectiveConfig)
+    gradient: GradientConfig = field(default_factory=GradientConfig)
+    schedule: ScheduleConfig = field(default_factory=ScheduleConfig)
+    grid: dict[str, Any] = field(default_factory=dict)  # numbers by constant: the Pareto grid
+    compare: list[str] = field(default_factory=list)  # constants.json files to judge, too
+    resume: str | None = None  # folder of a run to go on with
+
+
+@dataclass
+class GradientReportConfig(StudyConfig):
+    """Every gradient mode against differences, constant by constant."""
+
+    scenario: str = "1"
+    draws: int = 10
+    joint: int = 1  # 1 or 2, whose SRMSE is differentiated; 0 for both together
+    constants: list[str] = field(default_factory=list)
+    steps: list[float] = field(default_factory=list)  # relative steps of the differences
+    judge: float = 0.1  # the step that the verdicts go by
+    spread: float = 0.13
+    pairs: int = 3
+    temperatures: list[float] = field(default_factory=list)
+    horizons: list[float] = field(default_factory=list)  # [s] of the norms

@@ -1,0 +1,61 @@
+"""From a hard controller to its relaxed form, with the same design constants."""
+
+from __future__ import annotations
+
+import copy
+from typing import TypeVar, cast
+
+import torch
+from torch import nn
+
+from ..constraints import Positive
+from ..errors import ConfigError
+from ..functional import Numbers, as_float64
+from .attention import Attention
+from .hard import HardAttention
+from .reallocating import ReallocatingAttention
+from .relaxed import RelaxedAttention
+from .soft import SoftAttention
+
+Module = TypeVar("Module", bound=nn.Module)
+
+
+def relaxed(module: Module, temperature: Numbers) -> Module:
+    """A memory, controller or closed loop whose attention is relaxed to `temperature` T.
+
+    It has the very constants and buffers of `module`: gradients land on the same `.grad`. Where
+    nothing is to be relaxed (no memory, or soft attention, which is smooth), `module` itself.
+    Values given to `initialize` later may not reach both: relax what has its values.
+
+    T is a float, or a float64 tensor of shape (...,); one that requires grad gets its gradient.
+
+    Raises `DomainError` for T <= 0, `ConfigError` for attention of an unknown kind.
+    """
+    Positive().check("temperature", as_float64(temperature, "temperature").detach())
+    return cast(Module, _exchanged(module, temperature))
+
+
+def _exchanged(module: nn.Module, temperature: Numbers) -> nn.Module:
+    if isinstance(module, Attention):
+        return _attention(module, temperature)
+    parts = {name: _exchanged(part, temperature) for name, part in module.named_children()}
+    if all(part is module._modules[name] for name, part in parts.items()):
+        return module
+    twin = copy.copy(module)  # its dictionaries of parameters and buffers are the same
+    twin._modules = {**module._modules, **parts}
+    return twin
+
+
+def _attention(attention: Attention, temperature: Numbers) -> Attention:
+    kind = type(attention)
+    if kind is SoftAttention:
+        return attention
+    if kind not in (HardAttention, ReallocatingAttention, RelaxedAttention):
+        raise ConfigError(f"{kind.__name__} has no relaxed form")
+    phase = getattr(attention, "phase", None)
+    found = RelaxedAttention(temperature, phase)
+    if isinstance(temperature, torch.Tensor) and temperature.requires_grad:
+        found.share("temperature", temperature)
+    if phase is not None:
+        found.share("shift_threshold", attention.constant("shift_threshold"))
+    return found
