@@ -18,7 +18,7 @@ from ..functional import (
     pick,
     row_times,
 )
-from ..types import MemoryMode, MemoryOutput, MemoryState
+from ..types import MemoryMode, MemoryOutput, MemoryState, Proximity
 from .attention import Attention
 from .keys import KeyRule, RepresentationKeys
 
@@ -125,24 +125,44 @@ class WorkingMemory(DesignModule):
 
         The reset slot gets c_w sigma or sigma (`reset`) and a fresh key; no other slot changes.
         """
-        shift = None
-        if self.attention.reallocates:
-            shift = self.attention.decide_shift(self.relevance(hidden, memory), mode)
-        active, reallocations = mode.active, mode.reallocations
-        if shift is not None:
-            chosen = one_hot(shift.slot, self.n_slots) & shift.fires.unsqueeze(-1)
-            gain = self.write_gain.unsqueeze(-1) if self.reset == "scaled" else 1.0
-            fresh = self.key_rule.fresh_keys(context)
-            memory = MemoryState(
-                pick(chosen, (gain * hidden).unsqueeze(-2), memory.mu),
-                pick(chosen, fresh.unsqueeze(-2), memory.keys),
-            )
-            active = active | chosen
-            reallocations = reallocations + shift.fires
-        weights = self._attend(hidden, context, memory, mode._replace(active=active))
-        attended = weights.argmax(dim=-1)
+        memory, mode = self.reallocate(hidden, context, memory, mode)
+        attended = self._attend(hidden, context, memory, mode).argmax(dim=-1)
         switched = (attended != mode.attended) & (mode.attended >= 0)
-        return memory, MemoryMode(active, attended, mode.switches + switched, reallocations)
+        return memory, mode._replace(attended=attended, switches=mode.switches + switched)
+
+    def reallocate(
+        self,
+        hidden: Tensor,
+        context: Tensor,
+        memory: MemoryState,
+        mode: MemoryMode,
+        due: Tensor | None = None,
+    ) -> tuple[MemoryState, MemoryMode]:
+        """Reset the slot that attention names where it asks for it, or where `due` (...,) says."""
+        if not self.attention.reallocates:
+            return memory, mode
+        shift = self.attention.decide_shift(self.relevance(hidden, memory), mode)
+        if shift is None:
+            return memory, mode
+        fires = shift.fires if due is None else due
+        chosen = one_hot(shift.slot, self.n_slots) & fires.unsqueeze(-1)
+        gain = self.write_gain.unsqueeze(-1) if self.reset == "scaled" else 1.0
+        fresh = self.key_rule.fresh_keys(context)
+        memory = MemoryState(
+            pick(chosen, (gain * hidden).unsqueeze(-2), memory.mu),
+            pick(chosen, fresh.unsqueeze(-2), memory.keys),
+        )
+        return memory, mode._replace(
+            active=mode.active | chosen, reallocations=mode.reallocations + fires
+        )
+
+    def proximity(
+        self, hidden: Tensor, context: Tensor, memory: MemoryState, mode: MemoryMode
+    ) -> Proximity:
+        """What decides the next switch and the next reset, differentiable."""
+        comparison = self.key_rule.query_keys(hidden, context, memory, self.write_gain)
+        distances = self.attention.distances(comparison, mode.active)
+        return Proximity(distances, self.attention.margin(self.relevance(hidden, memory), mode))
 
     def relevance(self, hidden: Tensor, memory: MemoryState) -> Tensor:
         """|sigma - mu_i / c_w|_inf (..., S), whatever the keys are."""
@@ -176,6 +196,8 @@ class WorkingMemory(DesignModule):
     def _attend(
         self, hidden: Tensor, context: Tensor, memory: MemoryState, mode: MemoryMode
     ) -> Tensor:
+        if mode.held is not None:
+            return mode.held
         comparison = self.key_rule.query_keys(hidden, context, memory, self.write_gain)
         weights: Tensor = self.attention(comparison, mode.active)
         return weights

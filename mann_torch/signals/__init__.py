@@ -1,6 +1,13 @@
 """Reference trajectories and parameter schedules."""
 
-from .reference import Reference, Sinusoid
+from .reference import Reference, Sampler, Sinusoid
 from .schedule import PiecewiseConstant, growing_square, multiplied
 
-__all__ = ["PiecewiseConstant", "Reference", "Sinusoid", "growing_square", "multiplied"]
+__all__ = [
+    "PiecewiseConstant",
+    "Reference",
+    "Sampler",
+    "Sinusoid",
+    "growing_square",
+    "multiplied",
+]

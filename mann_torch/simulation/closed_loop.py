@@ -9,9 +9,9 @@ from ..control import Controller
 from ..errors import ShapeError
 from ..plants import Plant
 from ..plants.plant import Coefficients
-from ..signals import Reference
+from ..signals import Reference, Sampler
 from ..trees import map_tensors
-from ..types import ControlOutput, Linearization, LoopState, Mode, NetworkState
+from ..types import ControlOutput, Linearization, LoopState, Mode, NetworkState, Proximity
 from .scenario import Scenario
 
 
@@ -76,7 +76,7 @@ class ClosedLoop(nn.Module):
         t: Tensor,
         state: LoopState,
         mode: Mode,
-        reference: Reference,
+        reference: Sampler,
         coefficients: Coefficients,
         linearize: bool = False,
     ) -> tuple[LoopState, Linearization | None]:
@@ -98,5 +98,20 @@ class ClosedLoop(nn.Module):
         """The controller's discrete decisions at time t [s]: reallocation of slots."""
         controller, mode = self.controller.jump(
             reference(t), self.plant.measure(state.plant), state.controller, mode
+        )
+        return LoopState(state.plant, controller), mode
+
+    def proximity(self, t: Tensor, state: LoopState, mode: Mode, reference: Sampler) -> Proximity:
+        """What decides the controller's next event at time t [s]."""
+        return self.controller.proximity(
+            reference(t), self.plant.measure(state.plant), state.controller, mode
+        )
+
+    def reallocate(
+        self, t: Tensor, state: LoopState, mode: Mode, reference: Sampler, due: Tensor
+    ) -> tuple[LoopState, Mode]:
+        """The controller's reset at time t [s], in the samples `due` (...,) bool."""
+        controller, mode = self.controller.reallocate(
+            reference(t), self.plant.measure(state.plant), state.controller, mode, due
         )
         return LoopState(state.plant, controller), mode

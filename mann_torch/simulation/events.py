@@ -20,6 +20,11 @@ class EventCounts(NamedTuple):
     unresolved: Tensor  # steps that end past an event: taken at the next step's start, untimed
 
 
+def no_events(batch: torch.Size) -> EventCounts:
+    """Nothing met yet."""
+    return EventCounts(*(torch.zeros(batch, dtype=torch.int64) for _ in range(3)))
+
+
 class Branched(Protocol):
     """A flow with S branches that switches between them and resets itself.
 
@@ -110,9 +115,7 @@ def hybrid_step(
     return result, mode, _counts(isolated, slid, (pending & ~pair).any(dim=-1))
 
 
-def _jump(
-    system: Branched, t: Tensor, y: Tensor, mode: MemoryMode
-) -> tuple[Tensor, MemoryMode]:
+def _jump(system: Branched, t: Tensor, y: Tensor, mode: MemoryMode) -> tuple[Tensor, MemoryMode]:
     """What is past its threshold at t by more than `TIE` happens now, without a time."""
     due = system.proximity(t, y, mode).margin.detach() >= TIE
     if bool(due.any()):

@@ -13,6 +13,7 @@ from ..trees import leaf_names
 from ..types import NetworkState
 from . import fused_engine, torch_engine
 from .closed_loop import ClosedLoop
+from .gradients import check_gradient, locates_events
 from .implicit import Implicit
 from .scenario import Scenario
 from .solver import Solver
@@ -39,6 +40,7 @@ def rollout(
     engine: str = "auto",
     device: str = "cpu",
     tape_memory: float = 256e6,
+    gradient: str = "plain",
     progress: Callable[[int], object] | None = None,
 ) -> Trajectory:
     """Integrate the loop over the scenario and record it.
@@ -70,6 +72,10 @@ def rollout(
             the CPU.
         tape_memory: bytes that the fused engine's backward pass may use for states and their
             gradients; a longer rollout is cut into segments and computed again, to the same bits.
+        gradient: ``plain``: decisions fall on step ends and have no gradient of their own;
+            ``hybrid``: isolated switches and resets are located inside their step and
+            differentiated through their time, chattering is averaged; `Trajectory.events` counts
+            both (see `simulation/events.py`). Its values, too, are those of located events.
         progress: called with the number of steps done since the last call.
 
     Raises:
@@ -82,6 +88,7 @@ def rollout(
     if network is not None and (generator is not None or batch_shape != ()):
         raise ConfigError("give initial weights as `network`, or generator and batch_shape")
     solver = Implicit() if solver is None else solver
+    check_gradient(gradient, solver)
     obstacle = check_engine(loop, scenario, solver, engine, device)
     grid = StepGrid(scenario.end, scenario.knots(), solver.dt)
     if network is None:
@@ -104,10 +111,13 @@ def rollout(
         progress=progress,
         device=device,
         tape_memory=tape_memory,
+        hybrid=locates_events(gradient, loop),
     )
     record = None
     if batch.numel() == 0:
         obstacle = "an empty batch"
+    if obstacle is None and task.hybrid:
+        obstacle = "gradient = 'hybrid' has no fused form"
     if obstacle is None:
         try:
             record = fused_engine.run(task, "every part has a fused form")
@@ -165,6 +175,7 @@ def _trajectory(task: Task, record: Record) -> Trajectory:
         engine=record.engine,
         engine_reason=record.reason,
         signal=task.reference,
+        events=record.events,
     )
 
 

@@ -11,6 +11,7 @@ from torch import Tensor
 from ..signals import Reference
 from ..types import LoopState, Mode
 from .closed_loop import ClosedLoop
+from .events import EventCounts
 from .scenario import Scenario
 from .solver import Solver
 from .step_grid import StepGrid
@@ -34,6 +35,7 @@ class Task:
     progress: Callable[[int], object] | None
     device: str
     tape_memory: float  # [bytes]
+    hybrid: bool = False  # steps locate events, see `events.hybrid_step`
 
     @property
     def batch(self) -> torch.Size:
@@ -55,3 +57,4 @@ class Record:
     leaf: Tensor  # (...,) int64, first leaf of the state that failed; -1 where none did
     engine: str
     reason: str  # why this engine
+    events: EventCounts | None = None  # each (...,); None in plain rollouts
