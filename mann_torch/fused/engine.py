@@ -12,6 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from .form import N_EVENT
 from .job import CARRIED, PARAMETERS, Inputs, Job
 from .kernels import Launch, kernel, pool
 
@@ -51,6 +52,8 @@ class Marcher:
         self.n_steps = grid.n_steps
         carried = {name: getattr(inputs, name) for name in CARRIED}
         carried |= {"active": job.active, "counts": job.counts}
+        if job.form.hybrid:
+            carried["event"] = inputs.q.new_zeros((self.batch, N_EVENT))
         self._start = {name: value for name, value in carried.items() if value is not None}
         step_bytes = sum(v.nelement() * v.element_size() for v in self._start.values())
         self.span = self.n_steps
@@ -66,7 +69,7 @@ class Marcher:
         self.kept = {
             name: value.new_empty((rows["state"], *value.shape))
             for name, value in self._start.items()
-            if name != "squared"
+            if name not in ("squared", "event")
         }
         start = {"device": inputs.q.device, "dtype": torch.int32}
         self.stop = torch.full((self.batch,), self.n_steps, **start)  # type: ignore[call-overload]

@@ -60,7 +60,7 @@ class Job:
     grid: Grid
     horizon: Tensor  # (B,) [s]
     active: Tensor | None  # (B, S) float64, 1 for slots in use at t = 0
-    counts: Tensor | None  # (B, 3) int32: attended, switches, reallocations
+    counts: Tensor | None  # (B, 3) int32: attended, switches, reallocations; hybrid: (B, 6)
     limit: float
     device: str
     tape_memory: float  # [bytes]

@@ -8,8 +8,9 @@ import torch
 from torch import Tensor
 
 from ..functional import one_hot, pick
+from ..fused.form import TIE
 from ..types import MemoryMode, Proximity
-from .roots import TIE, first_root, slope_at
+from .roots import first_root, slope_at
 
 
 class EventCounts(NamedTuple):
@@ -70,7 +71,7 @@ def hybrid_step(
     end = system.flow(t, h, y, held, mode)
     before = _events(system, t, y, mode).detach()
     after = _events(system, t + h, end, mode).detach()
-    crossed = (before <= TIE) & (after > 0)
+    crossed = (before <= TIE) & (after > 0) & torch.isfinite(after)
     none = torch.zeros_like(s, dtype=torch.bool)
     if not bool(crossed.any()):
         return end, mode, _counts(none, none, (after > TIE).any(dim=-1))

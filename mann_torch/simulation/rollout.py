@@ -116,8 +116,6 @@ def rollout(
     record = None
     if batch.numel() == 0:
         obstacle = "an empty batch"
-    if obstacle is None and task.hybrid:
-        obstacle = "gradient = 'hybrid' has no fused form"
     if obstacle is None:
         try:
             record = fused_engine.run(task, "every part has a fused form")
