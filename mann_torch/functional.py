@@ -79,6 +79,11 @@ def infinity_distances(query: Tensor, keys: Tensor) -> Tensor:
     return (query.unsqueeze(-2) - keys).abs().amax(dim=-1)
 
 
+def active_distances(query: Tensor, keys: Tensor, active: Tensor) -> Tensor:
+    """|query - key_i|_inf of the active slots, inf for the others. (..., S)"""
+    return torch.where(active, infinity_distances(query, keys), torch.inf)
+
+
 def one_hot(index: Tensor, size: int) -> Tensor:
     """Boolean one-hot rows: (...,) int64 -> (..., size)."""
     return torch.arange(size, device=index.device) == index.unsqueeze(-1)
@@ -89,8 +94,7 @@ def nearest_weights(query: Tensor, keys: Tensor, active: Tensor) -> Tensor:
 
     Paper: eqs. (indsel), (indsel-1) and (factdef). The lowest index wins a tie. (..., S)
     """
-    distances = infinity_distances(query, keys)
-    distances = torch.where(active, distances, torch.inf)
+    distances = active_distances(query, keys, active)
     return one_hot(distances.argmin(dim=-1), keys.shape[-2]).to(query.dtype)
 
 

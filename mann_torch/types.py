@@ -61,6 +61,7 @@ class MemoryMode(NamedTuple):
     attended: Tensor  # (...,) int64, slot with the largest weight; -1 before the first decision
     switches: Tensor  # (...,) int64, changes of the attended slot so far
     reallocations: Tensor  # (...,) int64, resets so far
+    held: Tensor | None = None  # (..., S) weights in force; None: attention decides
 
 
 class Shift(NamedTuple):
@@ -68,6 +69,13 @@ class Shift(NamedTuple):
 
     fires: Tensor  # (...,) bool, a_r = 1; relaxed: float64, the degree p in [0, 1]
     target: Tensor  # (..., S) bool, 1 on the slot i_s; relaxed: float64, shares of the degree
+
+
+class Proximity(NamedTuple):
+    """What attention's decisions compare, differentiable."""
+
+    distances: Tensor  # (..., S) of the slots that attention compares; inf for unused slots
+    margin: Tensor  # (...,) min R - theta; >= 0: a reset is due, -inf: none can come
 
 
 class Comparison(NamedTuple):

@@ -6,6 +6,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 
 import torch
+from torch import Tensor
 
 from ..constraints import DesignModule
 from ..types import (
@@ -14,6 +15,7 @@ from ..types import (
     Measurement,
     Mode,
     NetworkState,
+    Proximity,
     ReferenceSample,
     TorqueGains,
 )
@@ -24,6 +26,8 @@ class Controller(DesignModule):
 
     #: Whether `jump` can change the continuous state (reallocation).
     reallocates = False
+    #: Whether its mode switches between branches whose events `proximity` compares.
+    switches = False
 
     @abstractmethod
     def initial_network(
@@ -56,6 +60,27 @@ class Controller(DesignModule):
         mode: Mode,
     ) -> tuple[ControllerState, Mode]:
         """Discrete decisions at one instant: the state after them, and the new mode."""
+
+    def proximity(
+        self,
+        reference: ReferenceSample,
+        measurement: Measurement,
+        state: ControllerState,
+        mode: Mode,
+    ) -> Proximity:
+        """What decides the next event; asked only of a controller that `switches`."""
+        raise NotImplementedError(f"{type(self).__name__} does not switch")
+
+    def reallocate(
+        self,
+        reference: ReferenceSample,
+        measurement: Measurement,
+        state: ControllerState,
+        mode: Mode,
+        due: Tensor,
+    ) -> tuple[ControllerState, Mode]:
+        """The reset that `jump` would make, in the samples `due` (...,) bool."""
+        return state, mode
 
     def check_network(self, network: NetworkState) -> None:
         """Raise a `ConfigError` if these initial weights do not fit this controller."""

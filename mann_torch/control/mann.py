@@ -18,6 +18,7 @@ from ..types import (
     Measurement,
     MemoryMode,
     NetworkState,
+    Proximity,
     ReferenceSample,
     TorqueGains,
     TrackingError,
@@ -72,6 +73,11 @@ class MannController(Controller):
     def reallocates(self) -> bool:  # type: ignore[override]
         """Whether the memory's attention can reset a slot."""
         return self.memory is not None and self.memory.attention.reallocates
+
+    @property
+    def switches(self) -> bool:  # type: ignore[override]
+        """Whether the memory attends one slot at a time."""
+        return self.memory is not None and self.memory.attention.switches
 
     def initial_network(
         self, batch_shape: Sequence[int], generator: torch.Generator | None = None
@@ -133,6 +139,34 @@ class MannController(Controller):
             return state, mode
         _, _, features = self._look(reference, measurement, state.network)
         memory, mode = self.memory.jump(features.hidden, measurement.q, state.memory, mode)
+        return state._replace(memory=memory), mode
+
+    def proximity(
+        self,
+        reference: ReferenceSample,
+        measurement: Measurement,
+        state: ControllerState,
+        mode: MemoryMode,
+    ) -> Proximity:
+        """What decides the memory's next event."""
+        if self.memory is None or state.memory is None:
+            return super().proximity(reference, measurement, state, mode)
+        hidden = self._look(reference, measurement, state.network)[2].hidden
+        return self.memory.proximity(hidden, measurement.q, state.memory, mode)
+
+    def reallocate(
+        self,
+        reference: ReferenceSample,
+        measurement: Measurement,
+        state: ControllerState,
+        mode: MemoryMode,
+        due: Tensor,
+    ) -> tuple[ControllerState, MemoryMode]:
+        """The memory's reset, in the samples `due` (...,) bool."""
+        if self.memory is None or state.memory is None:
+            return state, mode
+        hidden = self._look(reference, measurement, state.network)[2].hidden
+        memory, mode = self.memory.reallocate(hidden, measurement.q, state.memory, mode, due)
         return state._replace(memory=memory), mode
 
     def torque_gains(

@@ -25,7 +25,8 @@ class Kept(NamedTuple):
     mu: Tensor | None  # (K, B, S, N)
     keys: Tensor | None  # (K, B, S, n)
     active: Tensor | None  # (K, B, S) float64, 1 for slots in use, or activity levels
-    counts: Tensor | None  # (K, B, 3) int32: attended, switches, reallocations
+    counts: Tensor | None  # (K, B, 3) int32: attended, switches, reallocations; hybrid: 6, with
+    # located, sliding and unresolved events
     last_active: Tensor | None  # (B, S) after the last step
     last_counts: Tensor | None  # (B, 3)
     stop: Tensor  # (B,) int32, the step that failed; T where none did

@@ -12,6 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from .form import N_EVENT
 from .job import CARRIED, KEPT, MOTION, PARAMETERS, Inputs, Job
 from .kernels import Launch, kernel, pool
 
@@ -53,6 +54,8 @@ class Marcher:
         self._carried = [name for name, value in carried.items() if value is not None]
         carried["active"] = job.active if inputs.active is None else inputs.active
         carried["counts"] = job.counts
+        if job.form.hybrid:
+            carried["event"] = inputs.q.new_zeros((self.batch, N_EVENT))
         self._start = {name: value for name, value in carried.items() if value is not None}
         step_bytes = sum(v.nelement() * v.element_size() for v in self._start.values())
         self.span = self.n_steps

@@ -56,6 +56,22 @@ CONSTANTS = (
 #: A sample's row of plant coefficients: phi, rho, psi, phi gamma, psi gamma, viscous (2),
 #: Coulomb (2), Coulomb velocity.
 N_COEFFICIENTS = 10
+#: A step's event, see `equations/hybrid.py`: kind, number, branch, root, slope, slot.
+N_EVENT = 6
+
+# How both engines find events inside a step, see `simulation/events.py` and `roots.py`.
+#: An event function this far above 0 is past its event; rounding stays below. Its units: those of
+#: sigma for contents and theta, [rad] for state keys.
+TIE = 1e-10
+#: A slope below this part of the mean slope over the step, or a rise below `FLAT`, is no crossing.
+GRAZE = 1e-6
+FLAT = 1e-13
+#: Width of the difference stencil, and of the last bracket, as parts of the step.
+STENCIL = 3e-4
+WIDTH = 1e-13
+#: Rounding of an event function.
+ROUNDING = 2e-16
+ITERATIONS = 60
 
 
 @dataclass(frozen=True)
@@ -72,6 +88,7 @@ class Form:
     follow_reference: bool
     noise: bool  # on what is measured
     effort: bool  # torque rates and peaks are kept
+    hybrid: bool = False  # steps locate events, see equations/hybrid.py
 
     @property
     def reallocates(self) -> bool:
@@ -109,6 +126,7 @@ def form_of(
     follow_reference: bool,
     noise: bool = False,
     effort: bool = False,
+    hybrid: bool = False,
 ) -> Form:
     """The form of a loop without an `unfused_part`."""
     memory, n_hidden = controller.memory, controller.network.n_hidden
@@ -131,4 +149,5 @@ def form_of(
         follow_reference=follow_reference,
         noise=noise,
         effort=effort,
+        hybrid=hybrid,
     )

@@ -68,7 +68,7 @@ class Job:
     grid: Grid
     horizon: Tensor  # (B,) [s]
     active: Tensor | None  # (B, S) float64, 1 for slots in use at t = 0; not of relaxed attention
-    counts: Tensor | None  # (B, 3) int32: attended, switches, reallocations
+    counts: Tensor | None  # (B, 3) int32: attended, switches, reallocations; hybrid: (B, 6)
     noise_std: Tensor | None  # (B, 2) [rad], [rad/s]
     noise_row: Tensor | None  # (B,) int32, row of `noise_unit`
     noise_unit: Tensor | None  # (R, K, 2n)

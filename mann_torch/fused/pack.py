@@ -77,13 +77,15 @@ def _coefficient_row(c: ArmCoefficients, batch: torch.Size, coulomb_velocity: fl
     return torch.cat([torch.stack(scalars, -1), *friction, velocity.unsqueeze(-1)], dim=-1)
 
 
-def pack_mode(mode: MemoryMode | None) -> tuple[Tensor | None, Tensor | None]:
-    """Slots in use (B, S) float64, and counters (B, 3) int32."""
+def pack_mode(mode: MemoryMode | None, hybrid: bool = False) -> tuple[Tensor | None, Tensor | None]:
+    """Slots in use (B, S) float64, and counters (B, 3) int32; hybrid: (B, 6), for its events."""
     if mode is None:
         return None, None
-    counts = torch.stack([mode.attended, mode.switches, mode.reallocations], dim=-1)
+    columns = [mode.attended, mode.switches, mode.reallocations]
+    columns += [torch.zeros_like(mode.switches)] * 3 if hybrid else []
+    counts = torch.stack(columns, dim=-1)
     active = mode.active.to(torch.float64).reshape(-1, mode.active.shape[-1])
-    return active, counts.to(torch.int32).reshape(-1, 3)
+    return active, counts.to(torch.int32).reshape(-1, len(columns))
 
 
 def unpack_mode(
@@ -92,6 +94,6 @@ def unpack_mode(
     """The mode again, with leading dimensions `shape`."""
     if active is None or counts is None:
         return None
-    attended, switches, resets = counts.to(torch.int64).reshape(*shape, 3).unbind(-1)
+    attended, switches, resets = counts[..., :3].to(torch.int64).reshape(*shape, 3).unbind(-1)
     active = active.reshape(*shape, -1)
     return MemoryMode(active if form.relaxed else active > 0.5, attended, switches, resets)

@@ -10,7 +10,7 @@ from ..errors import ConfigError
 from ..functional import Numbers, one_hot
 from ..types import Comparison, MemoryMode, Shift
 from .attention import Attention
-from .hard import attend_nearest
+from .hard import attend_nearest, slot_distances
 
 PHASES = ("initial", "always")
 
@@ -23,12 +23,14 @@ class ReallocatingAttention(Attention):
     and after that, in phase ``always``, to the least relevant slot. Phase ``initial`` stops when
     all slots are in use. Paper: eqs. (decrule-addnewloc) and (indsel-aftsat).
 
-    theta enters by comparison alone, so that autograd gives it no gradient; `relaxed` does.
+    theta enters by comparison alone, so that autograd gives it no gradient unless resets are
+    located in time (`rollout(..., gradient="hybrid")`) or relaxed (``"soft"``).
 
     Raises `ConfigError` for an unknown phase, `DomainError` for theta < 0.
     """
 
     reallocates = True
+    switches = True
     starts_full = False
 
     def __init__(self, phase: str = "initial", shift_threshold: Numbers = 0.2) -> None:
@@ -54,3 +56,15 @@ class ReallocatingAttention(Attention):
         unused = (~active).to(torch.int64).argmax(dim=-1)
         slot = torch.where(grows, unused, distances.argmax(dim=-1))
         return Shift(fires, one_hot(slot, active.shape[-1]))
+
+    def distances(self, comparison: Comparison, active: Tensor) -> Tensor:
+        """As hard attention (..., S)."""
+        return slot_distances(comparison, active)
+
+    def margin(self, distances: Tensor, mode: MemoryMode) -> Tensor:
+        """min over active slots of relevance - theta (...,); -inf after the initial phase."""
+        nearest = torch.where(mode.active, distances, torch.inf).amin(dim=-1)
+        beyond = nearest - self.shift_threshold
+        if self.phase == "initial":
+            beyond = torch.where(mode.active.all(dim=-1), -torch.inf, beyond)
+        return beyond

@@ -17,7 +17,7 @@ from ..functional import (
     per_matrix,
     row_times,
 )
-from ..types import MemoryMode, MemoryOutput, MemoryState
+from ..types import MemoryMode, MemoryOutput, MemoryState, Proximity
 from .attention import Attention
 from .keys import KeyRule, RepresentationKeys
 
@@ -128,26 +128,49 @@ class WorkingMemory(DesignModule):
         """Reallocate where attention asks for it, then note which slot is attended.
 
         The reset slot gets c_w sigma or sigma (`reset`) and a fresh key; no other slot changes.
+        """
+        memory, mode = self.reallocate(hidden, context, memory, mode)
+        attended = self._attend(hidden, context, memory, mode).argmax(dim=-1)
+        switched = (attended != mode.attended) & (mode.attended >= 0)
+        return memory, mode._replace(attended=attended, switches=mode.switches + switched)
+
+    def reallocate(
+        self,
+        hidden: Tensor,
+        context: Tensor,
+        memory: MemoryState,
+        mode: MemoryMode,
+        due: Tensor | None = None,
+    ) -> tuple[MemoryState, MemoryMode]:
+        """Reset the slot that attention names where it asks for it, or where `due` (...,) says.
+
         Relaxed attention resets each slot to a degree; one of more than half counts.
         """
-        shift = None
-        if self.attention.reallocates:
-            shift = self.attention.decide_shift(self.relevance(hidden, memory), mode)
-        active, reallocations = mode.active, mode.reallocations
-        if shift is not None:
-            degree = shift.target * shift.fires.unsqueeze(-1)
-            gain = self.write_gain.unsqueeze(-1) if self.reset == "scaled" else 1.0
-            fresh = self.key_rule.fresh_keys(context)
-            memory = MemoryState(
-                blend(degree, (gain * hidden).unsqueeze(-2), memory.mu),
-                blend(degree, fresh.unsqueeze(-2), memory.keys),
-            )
-            active = blend(degree, torch.ones_like(active), active)
-            reallocations = reallocations + (degree > 0.5).any(dim=-1)
-        weights = self._attend(hidden, context, memory, mode._replace(active=active))
-        attended = weights.argmax(dim=-1)
-        switched = (attended != mode.attended) & (mode.attended >= 0)
-        return memory, MemoryMode(active, attended, mode.switches + switched, reallocations)
+        if not self.attention.reallocates:
+            return memory, mode
+        shift = self.attention.decide_shift(self.relevance(hidden, memory), mode)
+        if shift is None:
+            return memory, mode
+        fires = shift.fires if due is None else due
+        degree = shift.target * fires.unsqueeze(-1)
+        gain = self.write_gain.unsqueeze(-1) if self.reset == "scaled" else 1.0
+        fresh = self.key_rule.fresh_keys(context)
+        memory = MemoryState(
+            blend(degree, (gain * hidden).unsqueeze(-2), memory.mu),
+            blend(degree, fresh.unsqueeze(-2), memory.keys),
+        )
+        return memory, mode._replace(
+            active=blend(degree, torch.ones_like(mode.active), mode.active),
+            reallocations=mode.reallocations + (degree > 0.5).any(dim=-1),
+        )
+
+    def proximity(
+        self, hidden: Tensor, context: Tensor, memory: MemoryState, mode: MemoryMode
+    ) -> Proximity:
+        """What decides the next switch and the next reset, differentiable."""
+        comparison = self.key_rule.query_keys(hidden, context, memory, self.write_gain)
+        distances = self.attention.distances(comparison, mode.active)
+        return Proximity(distances, self.attention.margin(self.relevance(hidden, memory), mode))
 
     def relevance(self, hidden: Tensor, memory: MemoryState) -> Tensor:
         """|sigma - mu_i / c_w|_inf (..., S), whatever the keys are."""
@@ -182,6 +205,8 @@ class WorkingMemory(DesignModule):
     def _attend(
         self, hidden: Tensor, context: Tensor, memory: MemoryState, mode: MemoryMode
     ) -> Tensor:
+        if mode.held is not None:
+            return mode.held
         comparison = self.key_rule.query_keys(hidden, context, memory, self.write_gain)
         weights: Tensor = self.attention(comparison, mode.active)
         return weights

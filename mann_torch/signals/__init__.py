@@ -1,7 +1,7 @@
 """Reference trajectories and parameter schedules."""
 
 from .noise import MeasurementNoise, NoiseTable, noise_at
-from .reference import Reference, Sinusoid
+from .reference import Reference, Sampler, Sinusoid
 from .schedule import PiecewiseConstant, growing_square, multiplied
 
 __all__ = [
@@ -9,6 +9,7 @@ __all__ = [
     "NoiseTable",
     "PiecewiseConstant",
     "Reference",
+    "Sampler",
     "Sinusoid",
     "growing_square",
     "multiplied",

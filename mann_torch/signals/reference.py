@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import torch
@@ -12,6 +12,9 @@ from torch import Tensor, nn
 from ..errors import ConfigError, ShapeError
 from ..functional import Numbers, as_float64
 from ..types import ReferenceSample
+
+#: A reference as the closed loop calls it: its `forward`, or its `aligned`.
+Sampler = Callable[[Tensor], ReferenceSample]
 
 
 class Reference(nn.Module):
@@ -22,6 +25,13 @@ class Reference(nn.Module):
     @abstractmethod
     def forward(self, t: Tensor) -> ReferenceSample:
         """The trajectory at times t [s]; each member (*t.shape, ..., n)."""
+
+    def aligned(self, t: Tensor) -> ReferenceSample:
+        """Each sample at a time of its own: t (...,) [s] of the batch shape; members (..., n)."""
+        count = t.numel()
+        members = (part.reshape(count, count, -1) for part in self(t))
+        own = (part.diagonal(dim1=0, dim2=1).mT for part in members)
+        return ReferenceSample(*(part.reshape(*t.shape, self.n_joints) for part in own))
 
     @property
     @abstractmethod
@@ -96,7 +106,14 @@ class Sinusoid(Reference):
 
     def forward(self, t: Tensor) -> ReferenceSample:
         """s, ds/dt, d2s/dt2 at times t [s]."""
-        phase = self.frequency * t.reshape(t.shape + (1,) * self.amplitude.dim())
+        return self._sample(t.reshape(t.shape + (1,) * self.amplitude.dim()))
+
+    def aligned(self, t: Tensor) -> ReferenceSample:
+        """The same at t (...,) [s], each sample at its own."""
+        return self._sample(t.unsqueeze(-1))
+
+    def _sample(self, t: Tensor) -> ReferenceSample:
+        phase = self.frequency * t
         swing = self.amplitude * torch.sin(phase)
         rate = self.amplitude * self.frequency * torch.cos(phase)
         return ReferenceSample(self.offset + swing, rate, -self.frequency * self.frequency * swing)

@@ -1,6 +1,8 @@
 """Closed loops, solvers and rollouts: where plants, controllers and signals meet."""
 
 from .closed_loop import ClosedLoop
+from .events import EventCounts
+from .gradients import GRADIENTS, check_gradient
 from .implicit import Implicit
 from .observation import attended_slot, observe
 from .odeint import METHODS, Odeint
@@ -15,10 +17,12 @@ SOLVERS: tuple[str, ...] = ("implicit", *METHODS)
 
 __all__ = [
     "ENGINES",
+    "GRADIENTS",
     "METHODS",
     "SOLVERS",
     "ClosedLoop",
     "Effort",
+    "EventCounts",
     "Flow",
     "Implicit",
     "Odeint",
@@ -28,6 +32,7 @@ __all__ = [
     "Trajectory",
     "attended_slot",
     "check_engine",
+    "check_gradient",
     "observe",
     "rollout",
 ]

@@ -9,7 +9,7 @@ from ..control import Controller
 from ..errors import ShapeError
 from ..plants import Plant
 from ..plants.plant import Coefficients
-from ..signals import Reference
+from ..signals import Reference, Sampler
 from ..trees import map_tensors
 from ..types import (
     ControlOutput,
@@ -19,6 +19,7 @@ from ..types import (
     Mode,
     NetworkState,
     PlantState,
+    Proximity,
 )
 from .scenario import Scenario
 
@@ -82,7 +83,7 @@ class ClosedLoop(nn.Module):
         t: Tensor,
         state: LoopState,
         mode: Mode,
-        reference: Reference,
+        reference: Sampler,
         noise: Measurement | None = None,
     ) -> ControlOutput:
         """The controller's torque and signals at times t [s] for saved states (*t.shape, ...)."""
@@ -96,7 +97,7 @@ class ClosedLoop(nn.Module):
         t: Tensor,
         state: LoopState,
         mode: Mode,
-        reference: Reference,
+        reference: Sampler,
         coefficients: Coefficients,
         linearize: bool = False,
         noise: Measurement | None = None,
@@ -124,5 +125,33 @@ class ClosedLoop(nn.Module):
         """The controller's discrete decisions at time t [s]: reallocation of slots."""
         controller, mode = self.controller.jump(
             reference(t), self.measure(state.plant, noise), state.controller, mode
+        )
+        return LoopState(state.plant, controller), mode
+
+    def proximity(
+        self,
+        t: Tensor,
+        state: LoopState,
+        mode: Mode,
+        reference: Sampler,
+        noise: Measurement | None = None,
+    ) -> Proximity:
+        """What decides the controller's next event at time t [s]."""
+        return self.controller.proximity(
+            reference(t), self.measure(state.plant, noise), state.controller, mode
+        )
+
+    def reallocate(
+        self,
+        t: Tensor,
+        state: LoopState,
+        mode: Mode,
+        reference: Sampler,
+        due: Tensor,
+        noise: Measurement | None = None,
+    ) -> tuple[LoopState, Mode]:
+        """The controller's reset at time t [s], in the samples `due` (...,) bool."""
+        controller, mode = self.controller.reallocate(
+            reference(t), self.measure(state.plant, noise), state.controller, mode, due
         )
         return LoopState(state.plant, controller), mode

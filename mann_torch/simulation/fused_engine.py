@@ -19,6 +19,7 @@ from ..signals import Sinusoid
 from ..trees import leaf_names, map_tensors
 from ..types import ControllerState, LoopState, MemoryState, NetworkState, PlantState
 from .closed_loop import ClosedLoop
+from .events import EventCounts
 from .implicit import GAMMA, Implicit
 from .scenario import Scenario
 from .solver import Solver
@@ -62,6 +63,7 @@ def run(task: Task, reason: str) -> Record:
         follow_reference=cast(Implicit, task.solver).follow_reference,
         noise=task.noise is not None,
         effort=task.effort_after is not None,
+        hybrid=task.hybrid,
     )
     inputs = pack_inputs(
         form,
@@ -73,7 +75,7 @@ def run(task: Task, reason: str) -> Record:
         task.mode,
         shares_of(task.grid.times)[0],
     )
-    active, counts = pack_mode(task.mode)
+    active, counts = pack_mode(task.mode, task.hybrid)
     there = partial(_moved, device=device)
     job = Job(
         form=form,
@@ -105,12 +107,19 @@ def run(task: Task, reason: str) -> Record:
         states=_states(task.state, kept, shape),
         modes=unpack_mode(form, _first(kept.active, samples), _first(kept.counts, samples), shape),
         final_mode=unpack_mode(form, kept.last_active, kept.last_counts, batch),
+        events=_events(kept.last_counts, batch) if task.hybrid else None,
         stopped=torch.where(failed, kept.stop, -1).long().reshape(batch),
         kind=kind.reshape(batch),
         leaf=(_leaf_numbers(task.state)[(kept.cause // 10).long()]).reshape(batch),
         engine="fused",
         reason=reason,
     )
+
+
+def _events(counts: Tensor | None, batch: torch.Size) -> EventCounts | None:
+    if counts is None:
+        return None
+    return EventCounts(*counts[:, 3:].long().reshape(*batch, 3).unbind(-1))
 
 
 def _moved(tensor: Tensor, device: str) -> Tensor:

@@ -42,12 +42,13 @@ class Implicit(Solver):
         return "implicit"
 
     def step(self, flow: Flow, t: Tensor, h: Tensor, y: Tensor) -> Tensor:
-        """One step (..., M) -> (..., M)."""
+        """One step (..., M) -> (..., M); t and h are () or, a sample at its own, (...,) [s]."""
         rate, block = flow.linearized(t, y)
+        t_1, h = t + h, h.unsqueeze(-1)
         gh = GAMMA * h
         push = gh * block.drift if self.follow_reference else None
         k_1 = _damped(rate, block, gh, push)
-        rate_2 = flow(t + h, y + h * k_1)
+        rate_2 = flow(t_1, y + h * k_1)
         k_2 = _damped(rate_2 - 2.0 * k_1, block, gh, None if push is None else -push)
         return y + h * (1.5 * k_1 + 0.5 * k_2)
 
@@ -60,7 +61,8 @@ def _damped(rate: Tensor, block: Linearization, gh: Tensor, push: Tensor | None)
     n = block.damping.shape[-1]
     f_q, f_v, rest = rate[..., :n], rate[..., n : 2 * n], rate[..., 2 * n :]
     eye = torch.eye(n, dtype=rate.dtype, device=rate.device)
-    matrix = eye + gh * (block.damping + gh * block.stiffness)
+    wide = gh.unsqueeze(-1)
+    matrix = eye + wide * (block.damping + wide * block.stiffness)
     right = f_v - gh * times_column(block.stiffness, f_q)
     if push is not None:
         right = right + push

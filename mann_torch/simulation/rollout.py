@@ -9,11 +9,13 @@ from collections.abc import Callable, Sequence
 import torch
 
 from ..errors import ConfigError, KernelError, ShapeError
-from ..functional import as_float64
+from ..functional import Numbers, as_float64
+from ..memory import relaxed
 from ..trees import leaf_names
 from ..types import NetworkState
 from . import fused_engine, torch_engine
 from .closed_loop import ClosedLoop
+from .gradients import check_gradient, locates_events
 from .implicit import Implicit
 from .scenario import Scenario
 from .solver import Solver
@@ -41,6 +43,8 @@ def rollout(
     engine: str = "auto",
     device: str = "cpu",
     tape_memory: float = 256e6,
+    gradient: str = "plain",
+    temperature: Numbers | None = None,
     progress: Callable[[int], object] | None = None,
 ) -> Trajectory:
     """Integrate the loop over the scenario and record it.
@@ -74,6 +78,12 @@ def rollout(
             the CPU.
         tape_memory: bytes that the fused engine's backward pass may use for states and their
             gradients; a longer rollout is cut into segments and computed again, to the same bits.
+        gradient: ``plain``: decisions fall on step ends and have no gradient of their own;
+            ``hybrid``: isolated switches and resets are located inside their step and
+            differentiated through their time, chattering is averaged; `Trajectory.events` counts
+            both (see `simulation/events.py`). Its values, too, are those of located events;
+            ``soft``: the relaxed controller of `temperature` runs instead (see `relaxed`).
+        temperature: of ``soft``, [-], a number or (...,).
         progress: called with the number of steps done since the last call.
 
     Raises:
@@ -88,6 +98,9 @@ def rollout(
     if effort_after is not None and not (math.isfinite(effort_after) and effort_after >= 0):
         raise ConfigError(f"effort_after = {effort_after}: must be finite and >= 0")
     solver = Implicit() if solver is None else solver
+    check_gradient(gradient, solver, temperature)
+    if temperature is not None:
+        loop = relaxed(loop, temperature)
     obstacle = check_engine(loop, scenario, solver, engine, device)
     grid = StepGrid(scenario.end, scenario.knots(), solver.dt)
     if network is None:
@@ -118,6 +131,7 @@ def rollout(
         else noise.expand(batch).table(state.plant.q.shape[-1], int(instants[-1]) + 1),
         noise_instants=instants,
         effort_after=effort_after,
+        hybrid=locates_events(gradient, loop),
     )
     record = None
     if batch.numel() == 0:
@@ -180,6 +194,7 @@ def _trajectory(task: Task, record: Record) -> Trajectory:
         engine=record.engine,
         engine_reason=record.reason,
         signal=task.reference,
+        events=record.events,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import torch
@@ -12,9 +13,12 @@ from ..functional import pick
 from ..plants.plant import Coefficients
 from ..signals import Reference
 from ..trees import Packer, map_tensors
-from ..types import Linearization, LoopState, Measurement, Mode
+from ..types import LoopState, Measurement, Mode
+from .branches import Branches
 from .closed_loop import ClosedLoop
 from .compiling import CompiledOrEager
+from .events import EventCounts, hybrid_step, jump
+from .flat_flow import FlatFlow, flat_rates
 from .solver import Solver
 
 
@@ -25,28 +29,7 @@ class Carry(NamedTuple):
     mode: Mode
     alive: Tensor  # (...,) bool
     torque: Tensor | None = None  # (..., n) at the step's start, where effort is measured
-
-
-class _FlatFlow:
-    """The loop's vector field on flat states, with mode and coefficients frozen.
-
-    Rows outside `moving` (...,), all if None, stand still.
-    """
-
-    def __init__(self, rates: Callable[..., Any], frozen: Any, moving: Tensor | None) -> None:
-        self._rates, self._frozen, self._moving = rates, frozen, moving
-
-    def __call__(self, t: Tensor, y: Tensor) -> Tensor:
-        return self._hold(self._rates(t, y, *self._frozen, False)[0])
-
-    def linearized(self, t: Tensor, y: Tensor) -> tuple[Tensor, Linearization]:
-        rate, block = self._rates(t, y, *self._frozen, True)
-        return self._hold(rate), map_tensors(self._hold, block)
-
-    def _hold(self, value: Tensor) -> Tensor:
-        if self._moving is None:
-            return value
-        return pick(self._moving, value, torch.zeros_like(value))
+    events: EventCounts | None = None  # so far; None in plain steps
 
 
 class Stepper:
@@ -59,17 +42,20 @@ class Stepper:
         packer: Packer[LoopState],
         limit: float,
         effort: bool = False,
+        hybrid: bool = False,
     ) -> None:
         self._loop, self._solver, self._packer, self._limit = loop, solver, packer, limit
         self._effort = effort
-        self._rates: Callable[..., Any] = self._flat_rates
+        self._rates: Callable[..., Any] = partial(flat_rates, loop, packer)
         self._call: Callable[..., Carry] = self._advance
         self._compiled: CompiledOrEager | None = None
-        if solver.compile:
+        if hybrid:  # what happens in a step depends on its data: it is not compiled
+            self._call = self._advance_through_events
+        elif solver.compile:
             if solver.fuses_step:
                 self._call = self._compiled = CompiledOrEager(self._advance)
             else:
-                self._rates = self._compiled = CompiledOrEager(self._flat_rates)
+                self._rates = self._compiled = CompiledOrEager(self._rates)
 
     @property
     def engine(self) -> str:
@@ -86,21 +72,6 @@ class Stepper:
         moving: Tensor | None = None,
     ) -> Carry:
         return self._call(t, h, carry, reference, coefficients, noise, moving)
-
-    def _flat_rates(
-        self,
-        t: Tensor,
-        y: Tensor,
-        mode: Mode,
-        reference: Reference,
-        coefficients: Coefficients,
-        noise: Measurement | None,
-        linearize: bool,
-    ) -> tuple[Tensor, Linearization | None]:
-        rate, block = self._loop.flow(
-            t, self._packer.unpack(y), mode, reference, coefficients, linearize, noise
-        )
-        return self._packer.pack(rate), block
 
     def _advance(
         self,
@@ -120,10 +91,30 @@ class Stepper:
         torque = None
         if self._effort:
             torque = self._loop.observe(t, self._packer.unpack(y), mode, reference, noise).torque
-        flow = _FlatFlow(self._rates, (mode, reference, coefficients, noise), moving)
+        flow = FlatFlow(self._rates, (mode, reference, coefficients, noise), moving)
         y = self._solver.step(flow, t, h, y)
         # NaN compares as False, so that this catches it too.
         return Carry(y, mode, y.abs().amax(dim=-1) < self._limit, torque)
+
+    def _advance_through_events(
+        self,
+        t: Tensor,
+        h: Tensor,
+        carry: Carry,
+        reference: Reference,
+        coefficients: Coefficients,
+        noise: Measurement | None,
+        moving: Tensor | None,
+    ) -> Carry:
+        system = Branches(
+            self._loop, self._solver, self._packer, reference.aligned, coefficients, noise, moving
+        )
+        torque = None
+        if self._effort:
+            torque = system.torque(t, *jump(system, t, carry.y, carry.mode))
+        y, mode, met = hybrid_step(system, t, h, carry.y, carry.mode)
+        events = map_tensors(torch.add, carry.events, met)
+        return Carry(y, mode, y.abs().amax(dim=-1) < self._limit, torque, events)
 
     def without_dead(
         self,
@@ -154,4 +145,5 @@ class Stepper:
             alive = still
         y = torch.where(alive.unsqueeze(-1), after.y, carry.y)
         mode = map_tensors(lambda new, old: pick(alive, new, old), after.mode, carry.mode)
-        return Carry(y, mode, alive, after.torque), fallen
+        events = map_tensors(lambda new, old: pick(alive, new, old), after.events, carry.events)
+        return Carry(y, mode, alive, after.torque, events), fallen

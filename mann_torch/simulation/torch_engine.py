@@ -7,6 +7,7 @@ from torch import Tensor
 
 from ..trees import Packer, map_tensors
 from ..types import LoopState
+from .events import no_events
 from .step_grid import MERGE, counted_in, shares_of
 from .stepping import Carry, Stepper
 from .task import Effort, Record, Task
@@ -20,8 +21,9 @@ def run(task: Task, reason: str) -> Record:
     packer = Packer(task.state, len(batch))
     y = packer.pack(task.state)
     measured = task.effort_after is not None
-    stepper = Stepper(loop, task.solver, packer, task.limit, measured)
-    carry = Carry(y, task.mode, torch.ones(batch, dtype=torch.bool))
+    stepper = Stepper(loop, task.solver, packer, task.limit, measured, task.hybrid)
+    events = no_events(batch) if task.hybrid else None
+    carry = Carry(y, task.mode, torch.ones(batch, dtype=torch.bool), events=events)
     safe = fallen = torch.zeros_like(y, requires_grad=False)
     stopped = torch.full(batch, -1)
     sampled = set(task.state_rows)
@@ -68,6 +70,7 @@ def run(task: Task, reason: str) -> Record:
         states=packer.unpack(torch.stack([c.y for c in kept])),
         modes=map_tensors(lambda *leaves: torch.stack(leaves), *[c.mode for c in kept]),
         final_mode=carry.mode,
+        events=carry.events,
         stopped=stopped,
         kind=kind,
         leaf=leaf,

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from ..signals import Reference
 from ..types import LoopState, Mode, ReferenceSample
+from .events import EventCounts
 from .task import Effort
 
 
@@ -46,6 +47,7 @@ class Trajectory:
     engine: str  # "fused", "compiled" or "eager"
     engine_reason: str  # why this engine was taken
     signal: Reference = field(repr=False)
+    events: EventCounts | None = None  # met by a hybrid rollout, each (...,); else None
 
     @property
     def reference(self) -> ReferenceSample:

@@ -103,6 +103,8 @@ class Ensemble:
                 effort_after=self.effort_after,
                 engine=self.engine,
                 device=self.device,
+                gradient=gradient,
+                temperature=temperature if gradient == "soft" else None,
                 progress=progress,
             )
 

@@ -5,7 +5,8 @@ import torch
 
 import mann_torch as mt
 from mann_torch.memory import ATTENTIONS, KEY_RULES
-from mann_torch.types import MemoryMode, MemoryState
+from mann_torch.trees import map_tensors
+from mann_torch.types import MemoryState
 from tests.conftest import make_attention, randn
 
 B, S, N, C = 64, 5, 6, 2
@@ -70,7 +71,7 @@ def test_batch_equals_single_calls(attention: str, rule: str) -> None:
     jumped, jumped_mode = memory.jump(hidden, context, state, mode)
     for i in range(0, B, 7):
         state_i = MemoryState(state.mu[i], state.keys[i])
-        mode_i = MemoryMode(*(leaf[i] for leaf in mode))
+        mode_i = map_tensors(lambda leaf, i=i: leaf[i], mode)
         one = memory(hidden[i], correction[i], context[i], state_i, mode_i)
         torch.testing.assert_close(one.read, out.read[i], rtol=0, atol=1e-12)
         torch.testing.assert_close(one.d_memory.mu, out.d_memory.mu[i], rtol=0, atol=1e-12)

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from ..form import Form
+from ..form import TIE, Form
 from .arm import make_arm
 from .functional import make_functional
 from .memory import make_memory
@@ -19,6 +19,8 @@ def make_closed_loop(form: Form, t: SimpleNamespace) -> SimpleNamespace:
     contents, key_matrix = t.contents, t.key_matrix
     S = t.S
     MEMORY, STATE_KEYS = form.n_slots > 0, form.keys == "state"
+    # In hybrid steps a reset is past only beyond rounding: see `simulation/roots.py`.
+    SLACK = wp.constant(real(TIE if form.hybrid else 0.0))
     REALLOCATES, ALWAYS, SCALED = form.reallocates, form.always, form.scaled_reset
     fn = make_functional(t)
     network, arm = make_network(form, t), make_arm(form, t, fn)
@@ -117,7 +119,7 @@ def make_closed_loop(form: Form, t: SimpleNamespace) -> SimpleNamespace:
                 if active[i] < real(0.5):
                     full = int(0)
             if ALWAYS or full == 0:
-                slot = shift(relevance(y, hidden, c[6]), active, c[7])
+                slot = shift(relevance(y, hidden, c[6]), active, c[7] + SLACK)
                 if slot >= 0:
                     mask[slot] = real(1.0)
         return mask
@@ -172,7 +174,7 @@ def make_closed_loop(form: Form, t: SimpleNamespace) -> SimpleNamespace:
         solve=solve,
     )
     if MEMORY:
-        found.attend, found.largest = memory.attend, memory.largest
+        found.attend, found.largest, found.memory = memory.attend, memory.largest, memory
         if memory.relaxed is not None:  # there a reset has a degree, and that a gradient
             found.reset_mask, found.raised = memory.relaxed.reset_degrees, memory.relaxed.raised
     return found

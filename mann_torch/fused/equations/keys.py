@@ -31,6 +31,29 @@ def make_representation(t: SimpleNamespace) -> SimpleNamespace:
         pass
 
     @wp.func
+    def farthest(y: State, hidden: hidden_vector, slot: int, write_gain: real):
+        worst = int(0)
+        largest = real(-1.0)
+        for j in range(N):
+            apart = wp.abs(hidden[j] - y.mu[slot, j] / write_gain)
+            if apart > largest:
+                largest = apart
+                worst = j
+        return worst
+
+    @wp.func_grad(farthest)
+    def adj_farthest(
+        y: State, hidden: hidden_vector, slot: int, write_gain: real, adj_ret: wp.int32
+    ):
+        pass
+
+    @wp.func
+    def distance(y: State, hidden: hidden_vector, slot: int, write_gain: real):
+        """The same of one slot, with its gradient."""
+        j = farthest(y, hidden, slot, write_gain)
+        return wp.abs(hidden[j] - y.mu[slot, j] / write_gain)
+
+    @wp.func
     def derivative(weights: slot_vector, y: State, key_rate: real):
         return key_matrix()
 
@@ -38,7 +61,13 @@ def make_representation(t: SimpleNamespace) -> SimpleNamespace:
     def fresh(q: pair):
         return pair()
 
-    return SimpleNamespace(scores=scores, distances=distances, derivative=derivative, fresh=fresh)
+    return SimpleNamespace(
+        scores=scores,
+        distances=distances,
+        distance=distance,
+        derivative=derivative,
+        fresh=fresh,
+    )
 
 
 def make_state(t: SimpleNamespace) -> SimpleNamespace:
@@ -63,6 +92,13 @@ def make_state(t: SimpleNamespace) -> SimpleNamespace:
         pass
 
     @wp.func
+    def distance(y: State, hidden: hidden_vector, slot: int, write_gain: real):
+        """The same of one slot, with its gradient."""
+        first = wp.abs(y.seen[0] - y.keys[slot, 0])
+        second = wp.abs(y.seen[1] - y.keys[slot, 1])
+        return wp.max(first, second)
+
+    @wp.func
     def derivative(weights: slot_vector, y: State, key_rate: real):
         rate = key_matrix()
         for i in range(S):
@@ -73,4 +109,10 @@ def make_state(t: SimpleNamespace) -> SimpleNamespace:
     def fresh(q: pair):
         return q
 
-    return SimpleNamespace(scores=scores, distances=distances, derivative=derivative, fresh=fresh)
+    return SimpleNamespace(
+        scores=scores,
+        distances=distances,
+        distance=distance,
+        derivative=derivative,
+        fresh=fresh,
+    )

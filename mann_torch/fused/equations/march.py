@@ -7,6 +7,7 @@ import warp as wp
 
 from ..form import Form
 from .guard import make_guard
+from .hybrid import make_hybrid
 from .implicit import make_step
 from .sinusoid import make_reference
 from .types import make_types
@@ -36,6 +37,11 @@ def make_march(form: Form, gamma: float, backward: bool) -> Any:
     MEMORY, STATE_KEYS = form.n_slots > 0, form.keys == "state"
     stepping, sample = make_step(form, t, gamma), make_reference(t).sample
     step, trouble = stepping.step, make_guard(form, t, stepping.fn).trouble
+    HYBRID, event_row = form.hybrid, t.event_row
+    hybrid_step = Scene = None
+    if HYBRID:  # Warp builds every function that the kernel's source can reach
+        hybrid = make_hybrid(form, t, stepping)
+        hybrid_step, Scene, step = hybrid.step, hybrid.Scene, None
 
     @wp.kernel(module="unique", enable_backward=backward)
     def march(
@@ -77,6 +83,7 @@ def make_march(form: Form, gamma: float, backward: bool) -> Any:
         effort: wp.array2d(dtype=effort_sums),
         active: wp.array2d(dtype=slot_vector),
         counts: wp.array2d(dtype=counters),
+        event: wp.array2d(dtype=event_row),
         # outputs: (slots, B)
         motion: wp.array2d(dtype=motion_row),
         q_out: wp.array2d(dtype=pair),
@@ -132,12 +139,27 @@ def make_march(form: Form, gamma: float, backward: bool) -> Any:
                     s_1.noise_q = noise_q
                     s_1.noise_qd = noise_qd
                 gain, c, coef = error_gain[b], constant[b], coefficient[segment[k], b]
-                out = step(y, mode, s_0, s_1, h, gain, c, coef)
+                if HYBRID:
+                    scene = Scene()
+                    scene.time = times[k]
+                    scene.s_0 = s_0
+                    scene.s_1 = s_1
+                    scene.amplitude = amplitude[b]
+                    scene.frequency = frequency[b]
+                    scene.offset = reference_offset[b]
+                    scene.error_gain = gain
+                    scene.c = c
+                    scene.k = coef
+                    out = hybrid_step(y, mode, h, scene, event[j, b])
+                else:
+                    out = step(y, mode, s_0, s_1, h, gain, c, coef)
                 found = trouble(out.y, limit)
                 if found == 0:
                     new = out.y
                     new_mode = out.mode
                     new_torque = out.torque
+                    if HYBRID:
+                        event[j, b] = out.event
                 else:
                     stop[b] = k
                     cause[b] = found

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from ..form import Form
-from .attention import make_hard, make_soft
+from .attention import make_hard, make_nearest, make_soft
 from .keys import make_representation, make_state
 from .relaxed import make_relaxed
 
@@ -82,4 +82,8 @@ def make_memory(form: Form, t: SimpleNamespace) -> SimpleNamespace:
         write=write,
         shift=shift,
         largest=largest,
+        nearest=make_nearest(t).nearest,
+        distances=keys.distances,
+        distance=keys.distance,
+        relevance_of=representation.distance,
     )

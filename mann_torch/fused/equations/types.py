@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from ..form import CONSTANTS, N_COEFFICIENTS, Form
+from ..form import CONSTANTS, N_COEFFICIENTS, N_EVENT, Form
 
 N_JOINTS = 2
 N_INPUTS = 5 * N_JOINTS
@@ -23,7 +23,7 @@ def make_types(form: Form) -> SimpleNamespace:
     inner_weights = wp.types.matrix((N_INPUTS, N), real)
     contents = wp.types.matrix((S, M), real)
     key_matrix = wp.types.matrix((S, N_JOINTS), real)
-    counters = wp.types.vector(3, wp.int32)
+    counters = wp.types.vector(6 if form.hybrid else 3, wp.int32)
 
     @wp.struct
     class State:
@@ -61,7 +61,7 @@ def make_types(form: Form) -> SimpleNamespace:
     @wp.struct
     class Mode:
         active: slot_vector  # 1 in use, 0 not
-        counts: counters  # attended slot, switches, reallocations
+        counts: counters  # attended slot, switches, reallocations; located, sliding, unresolved
 
     return SimpleNamespace(
         real=real,
@@ -73,6 +73,8 @@ def make_types(form: Form) -> SimpleNamespace:
         noise_row=wp.types.vector(2 * N_JOINTS, real),
         effort=wp.types.vector(2 * N_JOINTS, real),
         counters=counters,
+        event_row=wp.types.vector(N_EVENT, real),
+        event_values=wp.types.vector(S + 1, real),
         pair=pair,
         square=square,
         inputs=wp.types.vector(N_INPUTS, real),

@@ -1,0 +1,34 @@
+"""How a rollout is differentiated: the names, and what each asks for."""
+
+from __future__ import annotations
+
+from ..errors import ConfigError
+from ..functional import Numbers
+from .closed_loop import ClosedLoop
+from .implicit import Implicit
+from .solver import Solver
+
+#: ``plain``: autograd through the steps; decisions fall on step ends and have no gradient.
+#: ``hybrid``: isolated switches and resets are located inside their step and differentiated through
+#: their time, see `events.hybrid_step`.
+#: ``soft``: the relaxed controller of a temperature instead, in which nothing switches, see
+#: `memory.relaxed`.
+GRADIENTS = ("plain", "hybrid", "soft")
+
+
+def check_gradient(gradient: str, solver: Solver, temperature: Numbers | None = None) -> None:
+    """Raise `ConfigError` for an unknown name, or what it cannot have or lacks."""
+    if gradient not in GRADIENTS:
+        raise ConfigError(f"gradient = '{gradient}': choose from {', '.join(GRADIENTS)}")
+    if (temperature is not None) != (gradient == "soft"):
+        raise ConfigError(f"gradient = '{gradient}': temperature belongs to 'soft', which needs it")
+    if gradient == "hybrid" and type(solver) is not Implicit:
+        raise ConfigError(
+            f"gradient = 'hybrid': events are located in steps of the implicit solver, not of "
+            f"{solver.name}"
+        )
+
+
+def locates_events(gradient: str, loop: ClosedLoop) -> bool:
+    """Whether steps are hybrid; for a controller that never switches, hybrid is plain."""
+    return gradient == "hybrid" and bool(loop.controller.switches)

@@ -1,0 +1,120 @@
+"""Hybrid steps of the fused engine: the torch engine's states, counts and gradients."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+import mann_torch as mt
+from tests.conftest import make_loop, make_scenario
+from tests.fused.loops import Case, case, freed
+from tests.fused.test_gradients import gradients
+from tests.fused.test_parity import assert_same, configured
+from tests.simulation.test_hybrid import SWITCHING, check_against_differences, sequence
+
+#: The others are a minute of compiling each: `make check`.
+QUICK = ("hard", "reallocating_always_state_keys")
+names = pytest.mark.parametrize(
+    "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in SWITCHING]
+)
+
+
+def both(made: Case, *arguments: object, **options: object) -> list[mt.Trajectory]:
+    with torch.no_grad():
+        runs = [
+            made.run(solver=mt.Implicit(), engine=engine, gradient="hybrid", **options)
+            for engine in ("torch", "fused")
+        ]
+    for mine, other in zip(*(sequence(run) for run in runs), strict=True):
+        assert torch.equal(mine, other)
+    return runs
+
+
+@names
+def test_one_step_from_anywhere(name: str) -> None:
+    for reset in ("scaled", "raw") if name == QUICK[1] else ("scaled",):
+        runs = both(case(name, mt.Implicit().dt, batch=40, reset=reset))
+        assert_same(runs, 1e-12)
+
+
+@names
+def test_half_a_second_with_events(name: str) -> None:
+    runs = both(case(name, 0.5, batch=8), sample_dt=0.02)
+    assert_same(runs, 1e-8)
+    assert runs[0].events is not None and int(runs[0].events.located.sum()) > 4
+
+
+@names
+def test_gradients_equal_those_of_torch(name: str) -> None:
+    made, free = freed(case(name, 0.4, batch=6))
+    constants = made.loop.controller.constants()
+    if "shift_threshold" in constants:
+        free["theta"] = constants["shift_threshold"].requires_grad_(True)
+    expected, found = (
+        gradients(made, free, engine=engine, gradient="hybrid") for engine in ("torch", "fused")
+    )
+    assert found.keys() == expected.keys() == free.keys()
+    for key, gradient in expected.items():
+        assert gradient.norm() > 0, key
+        assert float((found[key] - gradient).norm() / gradient.norm()) <= 1e-8, key
+
+
+@pytest.mark.parametrize(
+    ("name", "constant"),
+    [("hard", "write_gain")]
+    + [(QUICK[1], constant) for constant in ("write_gain", "shift_threshold")],
+)
+def test_equal_to_central_differences(name: str, constant: str) -> None:
+    check_against_differences(name, constant, "fused", 0.5)
+
+
+def test_segments_give_the_same_bits() -> None:
+    made, free = freed(case(QUICK[1], 0.4))
+    whole = gradients(made, free, engine="fused", gradient="hybrid")
+    for steps in (2, 7, 50):
+        memory = 2.0 * 8 * 3 * 200 * steps
+        pieces = gradients(made, free, engine="fused", gradient="hybrid", tape_memory=memory)
+        assert all(torch.equal(pieces[key], whole[key]) for key in whole)
+
+
+def test_chattering_is_averaged_and_counted_over_a_minute() -> None:
+    """Hard attention, scenario 1: the paper's controller, in which event times need not exist."""
+    made = configured("controller=hard", horizon=60.0, draws=4)
+
+    runs = {}
+    (gain,) = made.loop.controller.tune("write_gain")
+    for gradient in ("plain", "hybrid"):
+        runs[gradient] = mt.rollout(
+            made.loop,
+            made.scenario,
+            network=made.network,
+            engine="fused",
+            gradient=gradient,
+            motion_dt=0.05,
+            sample_until=0.0,
+        )
+    plain, hybrid = (mt.srmse(runs[gradient]) for gradient in ("plain", "hybrid"))
+    events = runs["hybrid"].events
+    assert events is not None and int(events.sliding.sum()) > 0
+    print("located, sliding, unresolved:", *(count.tolist() for count in events))
+    (slope,) = torch.autograd.grad(hybrid.sum(), gain)
+    assert bool(torch.isfinite(slope).all())
+    assert float((hybrid / plain - 1).abs().max()) <= 0.01
+
+
+def test_without_switches_hybrid_is_plain() -> None:
+    loop, scenario = make_loop("nn"), make_scenario(0.1)
+    plain, hybrid = (
+        mt.rollout(loop, scenario, engine="fused", gradient=gradient)
+        for gradient in ("plain", "hybrid")
+    )
+    assert hybrid.events is None and torch.equal(plain.q, hybrid.q)
+
+
+def test_a_diverging_sample_stops_alone_on_both_engines() -> None:
+    made = case(QUICK[1], 0.1, batch=3)
+    W = made.network.W.clone()
+    W[1] = 1e9
+    runs = both(made._replace(network=made.network._replace(W=W)))
+    assert runs[0].describe_status() == runs[1].describe_status()
+    assert_same(runs, 1e-9)
