@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import cast
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
 
 import torch
 from omegaconf import OmegaConf
@@ -20,17 +19,9 @@ from mann_torch.types import NetworkState
 from .batching import side_by_side
 from .build import Experiment, build
 from .cli import compose_job
-from .config import ConstantsConfig, SimulateConfig
+from .config import SimulateConfig
 from .hydra_setup import group_names
-from .study_config import StudyConfig
-
-
-@dataclass(frozen=True)
-class Member:
-    """Which scenario and draw a member is."""
-
-    scenario: str
-    draw: int
+from .study_config import StudyConfig, TuneConfig
 
 
 @functools.cache
@@ -56,25 +47,29 @@ def check_names(where: str, scenarios: Sequence[str], draws: Sequence[int]) -> N
         raise ConfigError(f"{where}.draws = {list(draws)}: must be >= 0")
 
 
-def experiment_of(cfg: StudyConfig, scenario: str, draws: Sequence[int]) -> Experiment:
-    """One scenario with chosen draws of the initial weights. Raises `ConfigError`."""
-    plain = composed((f"scenario='{scenario}'", f"controller={cfg.controller}", f"keys={cfg.keys}"))
+def with_start(plain: SimulateConfig, start: Mapping[str, Any]) -> SimulateConfig:
+    """A scenario's configuration with some constants replaced. Raises `ConfigError`."""
     constants = dataclasses.asdict(plain.constants)
-    for name, value in cfg.start.items():
+    for name in start:
         if name not in constants:
             raise ConfigError(f"start: no constant '{name}'; choose from {', '.join(constants)}")
-        constants[name] = value
+    try:
+        merged = OmegaConf.merge(OmegaConf.structured(plain.constants), dict(start))
+    except OmegaConfBaseException as error:
+        raise ConfigError(f"start: {str(error).splitlines()[0]}") from None
+    return dataclasses.replace(plain, constants=cast(Any, OmegaConf.to_object(merged)))
+
+
+def experiment_of(cfg: StudyConfig, plain: SimulateConfig, draws: Sequence[int]) -> Experiment:
+    """One scenario under the study's controller, with chosen draws. Raises `ConfigError`."""
     horizon = plain.scenario.horizon
     if cfg.horizon is not None:
         horizon = min(horizon, cfg.horizon)
-    try:
-        typed = OmegaConf.to_object(OmegaConf.structured(type(plain.constants)(**constants)))
-    except OmegaConfBaseException as error:
-        raise ConfigError(f"start: {str(error).splitlines()[0]}") from None
     made = build(
         dataclasses.replace(
             plain,
-            constants=cast(ConstantsConfig, typed),
+            controller=cfg.controller,
+            keys=cfg.keys,
             memory=cfg.memory,
             solver=cfg.solver,
             initial=cfg.initial,
@@ -89,23 +84,22 @@ def experiment_of(cfg: StudyConfig, scenario: str, draws: Sequence[int]) -> Expe
 
 
 def ensemble_of(
-    cfg: StudyConfig, scenarios: Sequence[str], draws: Sequence[int]
-) -> tuple[Ensemble, list[Member]]:
+    cfg: StudyConfig, scenarios: Sequence[SimulateConfig], draws: Sequence[int]
+) -> Ensemble:
     """All pairs of scenario and draw as one ensemble. Raises `ConfigError`.
 
     Draw k has the same initial weights and the same noise in every scenario.
     """
-    parts = [experiment_of(cfg, scenario, draws) for scenario in scenarios]
+    parts = [experiment_of(cfg, plain, draws) for plain in scenarios]
     scenario, network, own = side_by_side(parts)
-    members = [Member(name, draw) for name in scenarios for draw in draws]
     noise, first = cfg.noise, parts[0]
     if noise.position_std or noise.velocity_std:
-        seeds = torch.tensor([noise.seed + member.draw for member in members])
+        seeds = torch.tensor([noise.seed + draw for _ in scenarios for draw in draws])
         scenario = dataclasses.replace(
             scenario,
             noise=MeasurementNoise(noise.position_std, noise.velocity_std, seeds, noise.rate),
         )
-    ensemble = Ensemble(
+    return Ensemble(
         loop=first.loop,
         scenario=scenario,
         network=network,
@@ -115,4 +109,9 @@ def ensemble_of(
         engine=cfg.solver.engine,
         device=cfg.solver.device,
     )
-    return ensemble, members
+
+
+def tuned_ensemble(cfg: TuneConfig, scenarios: Sequence[str], draws: Sequence[int]) -> Ensemble:
+    """Named scenarios with the constants that tuning starts from. Raises `ConfigError`."""
+    plains = [with_start(composed((f"scenario='{name}'",)), cfg.start) for name in scenarios]
+    return ensemble_of(cfg, plains, draws)

@@ -16,9 +16,9 @@ from mann_torch.errors import ConfigError
 from mann_torch.tuning import Coordinates, Ensemble
 
 from .cli import command_line, reject_unknown, run_cli
-from .config import ConstantsConfig
+from .config import ConstantsConfig, SimulateConfig
 from .elasticities import Findings, difference_name, estimate_all
-from .ensembles import check_names, ensemble_of
+from .ensembles import ensemble_of
 from .figures import save
 from .gradient_figures import landscapes, norms
 from .recording import flat_settings, log_summary
@@ -55,12 +55,14 @@ def checked(cfg: Any) -> tuple[GradientReportConfig, Ensemble, Coordinates]:
     if max(plain.spread, *plain.steps) >= 2:
         raise ConfigError("steps and spread are relative: below 2")
     draws = list(range(plain.draws))
-    check_names("gradient_report", [plain.scenario], draws)
-    ensemble, _ = ensemble_of(plain, [plain.scenario], draws)
+    simulated = SimulateConfig(
+        plant=plain.plant, constants=plain.constants, scenario=plain.scenario
+    )
+    ensemble = ensemble_of(plain, [simulated], draws)
     ensemble = dataclasses.replace(ensemble, effort_after=None)
     controller = ensemble.loop.controller
-    names = [name for name in plain.constants if name in controller.constants()]
-    for name in plain.constants:
+    names = [name for name in plain.names if name in controller.constants()]
+    for name in plain.names:
         if name not in ConstantsConfig.__dataclass_fields__:
             controller.constant(name)  # says which there are; one that only this lacks is left out
     return plain, ensemble, Coordinates(controller, names, "scalar")
@@ -82,7 +84,7 @@ def _task(cfg: Any) -> None:
 
         findings = estimate_all(plain, ensemble, coordinates, progress)
     wall_s = time.perf_counter() - start
-    title = f"scenario {plain.scenario}, {plain.controller}"
+    title = f"scenario {plain.scenario.name}, {plain.controller.name}"
     figures = {"landscape": landscapes(findings, title), "norms": norms(findings, title)}
     for name, figure in figures.items():
         save(figure, folder / f"{name}.png")
@@ -102,8 +104,8 @@ def _task(cfg: Any) -> None:
         {
             "command": command,
             "wall_s": wall_s,
-            "scenario": plain.scenario,
-            "controller": plain.controller,
+            "scenario": plain.scenario.name,
+            "controller": plain.controller.name,
             "srmse": findings.srmse,
             "switches": findings.switches,
             "reallocations": findings.reallocations,

@@ -16,7 +16,7 @@ from torch import Tensor
 from mann_torch.errors import ConfigError
 from mann_torch.tuning import Ensemble, Score
 
-from .ensembles import check_names, ensemble_of
+from .ensembles import check_names, tuned_ensemble
 from .results import Interval, interval
 from .study_config import SetConfig, TuneConfig
 
@@ -86,7 +86,7 @@ def compared(paths: Sequence[str]) -> list[Candidate]:
 def held_out_ensembles(cfg: TuneConfig, of: SetConfig) -> dict[str, Ensemble]:
     """One ensemble a scenario: all its draws. Raises `ConfigError`."""
     check_names("held_out", of.scenarios, of.draws)
-    return {name: ensemble_of(cfg, [name], of.draws)[0] for name in of.scenarios}
+    return {name: tuned_ensemble(cfg, [name], of.draws) for name in of.scenarios}
 
 
 def check_candidates(ensemble: Ensemble, candidates: Sequence[Candidate]) -> None:

@@ -85,7 +85,7 @@ def _tune_help() -> str:
             "",
             *_group_lines(("scenario", "controller", "keys", "solver")),
             "",
-            "  fewer      python -m experiments.tune constants=[write_gain,error_gain]",
+            "  fewer      python -m experiments.tune names=[write_gain,error_gain]",
             "  resume     python -m experiments.tune resume=logs/tune/STAMP",
             "  compare    python -m experiments.tune compare=[logs/tune/OTHER]",
             "",

@@ -5,7 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from .config import InitialConfig, MemoryConfig, SolverConfig
+from .config import (
+    ConstantsConfig,
+    ControllerConfig,
+    InitialConfig,
+    KeysConfig,
+    MemoryConfig,
+    PlantConfig,
+    ScenarioConfig,
+    SolverConfig,
+)
 
 
 @dataclass
@@ -22,14 +31,12 @@ class NoiseConfig:
 class StudyConfig:
     """What constants are judged on; the base of `tune` and `gradient_report`."""
 
-    controller: str = "reallocating_initial"
-    keys: str = "representation"
+    keys: KeysConfig = field(default_factory=KeysConfig)
+    controller: ControllerConfig = field(default_factory=ControllerConfig)
     memory: MemoryConfig = field(default_factory=MemoryConfig)
     solver: SolverConfig = field(default_factory=SolverConfig)
     initial: InitialConfig = field(default_factory=InitialConfig)
     noise: NoiseConfig = field(default_factory=NoiseConfig)
-    start: dict[str, Any] = field(default_factory=dict)  # constants to start from; else each
-    # scenario's own
     effort_after: float = 10.0  # [s] peak torques count from here on
     horizon: float | None = None  # [s], cuts every scenario short
     seed: int = 0
@@ -84,7 +91,9 @@ class ScheduleConfig:
 class TuneConfig(StudyConfig):
     """Constants to tune, on what, how, and on what they are judged afterwards."""
 
-    constants: list[str] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)  # constants to tune
+    start: dict[str, Any] = field(default_factory=dict)  # their values at first, and others';
+    # what is not given is each scenario's own
     matrix_form: str = "scalar"
     train: SetConfig = field(default_factory=SetConfig)
     held_out: SetConfig = field(default_factory=SetConfig)
@@ -100,10 +109,12 @@ class TuneConfig(StudyConfig):
 class GradientReportConfig(StudyConfig):
     """Every gradient mode against differences, constant by constant."""
 
-    scenario: str = "1"
+    plant: PlantConfig = field(default_factory=PlantConfig)
+    constants: ConstantsConfig = field(default_factory=ConstantsConfig)
+    scenario: ScenarioConfig = field(default_factory=ScenarioConfig)
     draws: int = 10
     joint: int = 1  # 1 or 2, whose SRMSE is differentiated; 0 for both together
-    constants: list[str] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)  # constants to differentiate by
     steps: list[float] = field(default_factory=list)  # relative steps of the differences
     judge: float = 0.1  # the step that the verdicts go by
     spread: float = 0.13

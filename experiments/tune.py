@@ -19,7 +19,7 @@ from mann_torch.tuning import Coordinates, Ensemble, GradientSettings, Objective
 
 from . import checkpoints, held_out
 from .cli import command_line, reject_unknown, run_cli
-from .ensembles import check_names, ensemble_of
+from .ensembles import check_names, tuned_ensemble
 from .figures import save
 from .held_out import START, TUNED, Candidate
 from .recording import flat_settings, log_summary
@@ -53,11 +53,11 @@ def checked(cfg: Any) -> TuneConfig:
 def tuner_of(cfg: TuneConfig) -> Tuner:
     """The tuner of a configuration. Raises `ConfigError`."""
     check_names("train", cfg.train.scenarios, cfg.train.draws)
-    ensemble, _ = ensemble_of(cfg, cfg.train.scenarios, cfg.train.draws)
-    shared = [name for name in cfg.constants if name in ensemble.own]
+    ensemble = tuned_ensemble(cfg, cfg.train.scenarios, cfg.train.draws)
+    shared = [name for name in cfg.names if name in ensemble.own]
     if shared:
         raise ConfigError(
-            f"constants: {', '.join(shared)} differ between train.scenarios: give one in `start`"
+            f"names: {', '.join(shared)} differ between train.scenarios: give one in `start`"
         )
     schedule = dataclasses.asdict(cfg.schedule)
     try:
@@ -68,7 +68,7 @@ def tuner_of(cfg: TuneConfig) -> Tuner:
         ) from None
     return Tuner(
         ensemble,
-        Coordinates(ensemble.loop.controller, cfg.constants, cfg.matrix_form),
+        Coordinates(ensemble.loop.controller, cfg.names, cfg.matrix_form),
         Objective(**dataclasses.asdict(cfg.objective)),
         GradientSettings(**dataclasses.asdict(cfg.gradient)),
         Schedule(**schedule, seed=cfg.seed),
