@@ -58,6 +58,7 @@ def hybrid_step(
     - chattering: branch j alone, D = flow(y, e_j, h), drives g back. No event time exists; the
       step is flow(y, alpha e_s + (1 - alpha) e_j, h) with alpha = -g(D) / (g(A) - g(D)), which
       ends on g = 0 up to h^2: the averaged (Filippov) motion, with its gradient.
+      Where three slots chatter, two are averaged and the third is left pending.
     - grazing, or a second event in the same step: what is pending at t + h is taken by the jump
       there, as in a plain step.
 
