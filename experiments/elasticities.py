@@ -63,11 +63,14 @@ class Findings:
 
 
 def verdict(found: Interval, judge: Interval) -> str:
-    """agrees | biased by x | wrong sign | no signal | no gradient (exactly 0).
+    """agrees | biased by x | wrong sign | no signal | no gradient (exactly 0) | too wide to tell.
 
     It agrees where the difference is within both 95 % intervals together; no signal where the
-    judge's interval contains 0 and this mode agrees with it and does not leave 0 out either.
+    judge's interval contains 0 and this mode agrees with it and does not leave 0 out either. An
+    interval wider than the judge's and the judged number together tells nothing.
     """
+    if found.half > judge.half + abs(judge.mean):
+        return "too wide to tell"
     spread = math.hypot(*(0.0 if math.isnan(i.half) else i.half for i in (found, judge)))
     agrees = abs(found.mean - judge.mean) <= spread
     if found.mean == 0.0 and not (agrees and not judge.excludes_zero):

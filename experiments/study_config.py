@@ -118,6 +118,6 @@ class GradientReportConfig(StudyConfig):
     steps: list[float] = field(default_factory=list)  # relative steps of the differences
     judge: float = 0.1  # the step that the verdicts go by
     spread: float = 0.13
-    pairs: int = 3
+    pairs: int = 2
     temperatures: list[float] = field(default_factory=list)
     horizons: list[float] = field(default_factory=list)  # [s] of the norms
