@@ -15,6 +15,7 @@ from mann_torch.tuning import (
     Coordinates,
     Ensemble,
     Slope,
+    control_of,
     differences,
     pathwise_slopes,
     smoothed,
@@ -114,14 +115,18 @@ def estimate_all(
         slope = differences(values, zero, members, step)
         estimates.append(Estimate(difference_name(step), _intervals(slope, level)))
     progress("smoothed")
-    slope = smoothed(values, zero, members, spread=cfg.spread, pairs=cfg.pairs)
+    exact, _ = pathwise_slopes(ensemble, coordinates, zero, judge, "plain")
+    control = control_of(exact, coordinates, cfg.control)
+    slope = smoothed(values, zero, members, spread=cfg.spread, pairs=cfg.pairs, control=control)
     estimates.append(Estimate("smoothed", _intervals(slope, level)))
     norms: dict[str, list[tuple[float, float]]] = {}
     for mode in PATHWISE:
         for temperature in cfg.temperatures if mode == "soft" else [None]:
             name = mode if temperature is None else f"{mode} T = {temperature:g}"
             progress(name)
-            slopes, _ = pathwise_slopes(ensemble, coordinates, zero, judge, mode, temperature)
+            slopes = exact
+            if mode != "plain":
+                slopes, _ = pathwise_slopes(ensemble, coordinates, zero, judge, mode, temperature)
             estimates.append(Estimate(name, _intervals(Slope.of_members(slopes, level), level)))
             norms[name] = [(ensemble.scenario.end, float(slopes.mean(dim=0).norm()) / level)]
     for horizon in sorted(cfg.horizons, reverse=True):

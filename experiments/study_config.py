@@ -67,7 +67,7 @@ class GradientConfig:
     """`mann_torch.tuning.GradientSettings`."""
 
     mode: str = "smoothed"
-    spread: float = 0.13
+    spread: float = 0.126
     pairs: int = 2
     design: str = "joint"
     control: list[str] = field(default_factory=list)
@@ -117,7 +117,8 @@ class GradientReportConfig(StudyConfig):
     names: list[str] = field(default_factory=list)  # constants to differentiate by
     steps: list[float] = field(default_factory=list)  # relative steps of the differences
     judge: float = 0.1  # the step that the verdicts go by
-    spread: float = 0.13
-    pairs: int = 2
+    spread: float = 0.126
+    pairs: int = 3
+    control: list[str] = field(default_factory=list)  # whose plain gradient helps `smoothed`
     temperatures: list[float] = field(default_factory=list)
     horizons: list[float] = field(default_factory=list)  # [s] of the norms

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, cast
 
@@ -23,6 +23,7 @@ from .ensembles import check_names, tuned_ensemble
 from .figures import save
 from .held_out import START, TUNED, Candidate
 from .recording import flat_settings, log_summary
+from .results import Interval
 from .simulate import progress_bar
 from .study_config import TuneConfig
 from .tuning_figures import pareto, progress_curves
@@ -59,7 +60,7 @@ def tuner_of(cfg: TuneConfig) -> Tuner:
         raise ConfigError(
             f"names: {', '.join(shared)} differ between train.scenarios: give one in `start`"
         )
-    schedule = dataclasses.asdict(cfg.schedule)
+    schedule = asdict(cfg.schedule)
     try:
         schedule["curriculum"] = [(int(a), float(b)) for a, b in cfg.schedule.curriculum]
     except (TypeError, ValueError):
@@ -69,8 +70,8 @@ def tuner_of(cfg: TuneConfig) -> Tuner:
     return Tuner(
         ensemble,
         Coordinates(ensemble.loop.controller, cfg.names, cfg.matrix_form),
-        Objective(**dataclasses.asdict(cfg.objective)),
-        GradientSettings(**dataclasses.asdict(cfg.gradient)),
+        Objective(**asdict(cfg.objective)),
+        GradientSettings(**asdict(cfg.gradient)),
         Schedule(**schedule, seed=cfg.seed),
     )
 
@@ -130,7 +131,7 @@ def _task(cfg: Any) -> None:
             for v in verdicts
             if v.candidate == TUNED
         }
-        log_summary(writer, flat_settings(dataclasses.asdict(plain)), results, figures)
+        log_summary(writer, flat_settings(asdict(plain)), results, figures)
     report = _report(tuner, verdicts, command, tuning_s)
     write_text(folder / "report.md", report)
     write_text(folder / "held_out.csv", csv_text(held_out.rows(scores, candidates)))
@@ -140,8 +141,9 @@ def _task(cfg: Any) -> None:
             "command": command,
             "tuning_s": tuning_s,
             "constants": {name: v.tolist() for name, v in values.items()},
-            "silent": _silent(tuner),
-            "held_out": [dataclasses.asdict(v) for v in verdicts],
+            "gradient": {label: asdict(s) for label, s in _signals(tuner).items()},
+            "silent": [label for label, s in _signals(tuner).items() if not s.excludes_zero],
+            "held_out": [asdict(v) for v in verdicts],
             "history": tuner.history,
         },
     )
@@ -178,12 +180,10 @@ def _judge(ensembles: dict[str, Ensemble], candidates: Sequence[Candidate]) -> d
         }
 
 
-def _silent(tuner: Tuner) -> dict[str, int]:
-    """In how many iterations each coordinate's gradient was 0, or its interval contained 0."""
-    columns = zip(*(row["silent"] for row in tuner.history), strict=True)
-    return {
-        label: sum(column) for label, column in zip(tuner.coordinates.labels, columns, strict=True)
-    }
+def _signals(tuner: Tuner) -> dict[str, Interval]:
+    """Each coordinate's mean gradient over the run."""
+    columns = zip(tuner.coordinates.labels, *(c.tolist() for c in tuner.signal()), strict=True)
+    return {label: Interval(mean, half) for label, mean, half in columns}
 
 
 def _report(
@@ -192,19 +192,22 @@ def _report(
     n = len(tuner.history)
     lines = [
         f"# Tuned constants\n\n{n} iterations, {tuning_s:.0f} s. Made by `{command}`.\n",
-        "| constant | start | tuned | no signal in |",
+        "| constant | start | tuned | mean gradient over the run |",
         "|---|---|---|---|",
     ]
-    silent = _silent(tuner)
+    signals = _signals(tuner)
     for name, value in tuner.values().items():
         start = tuner.coordinates.starts()[name]
-        count = min(c for label, c in silent.items() if label.split("[")[0] == name)
-        lines.append(f"| {name} | {_text(start)} | {_text(value)} | {count} of {n} iterations |")
-    quiet = [label for label, count in silent.items() if count > n / 2]
-    if quiet:
+        parts = [s for label, s in signals.items() if label.split("[")[0] == name]
+        told = ", ".join(f"{s.mean:+.4f} ± {s.half:.4f}" for s in parts)
+        lines.append(f"| {name} | {_text(start)} | {_text(value)} | {told} |")
+    quiet = [label for label, s in signals.items() if not s.excludes_zero]
+    if tuner.schedule.optimizer == "optuna":
+        lines.append("\nA search without gradients: nothing says which constants mattered.")
+    elif quiet:
         lines.append(
-            f"\nNo signal in most iterations: {', '.join(quiet)}. The interval of their gradient "
-            "contains 0: where they ended is chance."
+            f"\n**No signal: {', '.join(quiet)}.** The gradient was 0, or its interval over the "
+            "whole run contains 0: where these ended is chance."
         )
     if verdicts:
         lines.append("\n## Held out\n\nPaired change from the start, mean and 95 % interval.\n")

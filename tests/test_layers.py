@@ -17,6 +17,8 @@ ALLOWED = {
     "fused": BASE | {"memory", "control", "plants", "signals"},
     "simulation": BASE | {"memory", "control", "plants", "signals", "fused"},
     "metrics": BASE | {"simulation"},
+    "statistics": BASE,
+    "tuning": BASE | {"simulation", "metrics", "statistics"},
 }
 
 

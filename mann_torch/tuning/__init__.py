@@ -2,10 +2,11 @@
 
 from .coordinates import FORMS, Coordinates
 from .ensemble import Ensemble, Judge, Score, constants_at, score
-from .gradients import MODES, PATHWISE, GradientSettings, pathwise_slopes, slope_of
+from .gradients import MODES, PATHWISE, GradientSettings, control_of, pathwise_slopes, slope_of
 from .objective import Objective
+from .schedule import OPTIMIZERS, Schedule
 from .slopes import Slope, differences, smoothed
-from .tuner import OPTIMIZERS, Schedule, Tuner
+from .tuner import Tuner
 
 __all__ = [
     "FORMS",
@@ -22,6 +23,7 @@ __all__ = [
     "Slope",
     "Tuner",
     "constants_at",
+    "control_of",
     "differences",
     "pathwise_slopes",
     "score",

@@ -32,11 +32,11 @@ class GradientSettings:
     | fd | the mean slope over +- `step` | 2 P |
 
     `temperature` falls geometrically to `final_temperature` over a tuning run. `control`: names of
-    constants whose plain gradient is right, a control variate for ``joint``.
+    constants whose plain gradient is right: it serves `smoothed` as a control variate.
     """
 
     mode: str = "smoothed"
-    spread: float = 0.13
+    spread: float = 0.126
     pairs: int = 2
     design: str = "joint"
     control: Sequence[str] = ()
@@ -102,10 +102,9 @@ def slope_of(
         return differences(values, z, members, settings.step)
     if settings.mode == "smoothed":
         control = None
-        if settings.control and settings.design == "joint":
+        if settings.control:
             exact, _ = pathwise_slopes(ensemble, coordinates, z, judge, "plain")
-            known = [label.split("[")[0] in settings.control for label in coordinates.labels]
-            control = torch.where(torch.tensor(known), exact, torch.nan)
+            control = control_of(exact, coordinates, settings.control)
         return smoothed(
             values,
             z,
@@ -120,6 +119,12 @@ def slope_of(
         ensemble, coordinates, z, judge, settings.mode, settings.temperature_at(progress)
     )
     return Slope.of_members(slopes, value)
+
+
+def control_of(exact: Tensor, coordinates: Coordinates, names: Sequence[str]) -> Tensor:
+    """Plain slopes (B, P) of the named constants, NaN for the others."""
+    known = torch.tensor([label.split("[")[0] in names for label in coordinates.labels])
+    return torch.where(known, exact, torch.nan)
 
 
 def pathwise_slopes(

@@ -11,8 +11,10 @@ from torch import Tensor
 from ..errors import ConfigError
 from .ensemble import Score
 
-#: The objective of a sample that diverged: worse than any that did not, and flat.
-DIVERGED = 20.0
+#: From here on the objective grows by its logarithm only, so that no member outshouts the others.
+STEEP = 10.0
+#: The objective of a sample that diverged: flat, and beyond a 500-fold excess.
+DIVERGED = 50.0
 
 
 @dataclass(frozen=True)
@@ -52,4 +54,6 @@ class Objective:
         for value, limit in limits:
             if limit is not None:
                 total = total + self.penalty * torch.relu(value / limit - 1.0).square()
+        excess = (total / STEEP).clamp(min=1.0).log()
+        total = total.clamp(max=STEEP) + STEEP * excess
         return torch.where(torch.isfinite(total), total.clamp(max=DIVERGED), DIVERGED)

@@ -59,7 +59,7 @@ def smoothed(
     z: Tensor,
     members: int,
     *,
-    spread: float = 0.13,
+    spread: float = 0.126,
     pairs: int = 3,
     design: str = "each",
     generator: torch.Generator | None = None,
@@ -69,7 +69,8 @@ def smoothed(
 
     It is the slope of a straight line fitted to the objective where z is scattered evenly over
     +- `spread`: that of the objective smoothed by Epanechnikov's kernel, of the same width as a
-    difference over +- 0.77 `spread`. Jumps from branch to branch are part of it, as they are for
+    difference over +- 0.77 `spread`. With an odd number of pairs and no generator, the middle one
+    is a difference over +- 0.79 `spread`: +- 10 % by default. Jumps from branch to branch are part of it, as they are for
     whoever changes a constant by that much. Copies come in pairs z + d, z - d; the sizes |d| divide
     the kernel into strata of equal weight, at their middles or, with a `generator`, anywhere in
     them.
@@ -79,9 +80,11 @@ def smoothed(
     the slopes are fitted to all members' pairs together, and the interval is that of the fit. It
     needs members * pairs > P and a generator.
 
-    `control` (B, P), joint only: exact slopes (by `plain`) of coordinates along which those are
-    right, NaN for the others. What they predict is taken out before the fit and put back after it:
-    a control variate that spares the others their noise.
+    `control` (B, P) holds exact slopes (by `plain`) of coordinates along which those are right, NaN
+    for the others: a control variate. ``joint`` takes out what they predict before the fit and puts
+    it back after it, which spares the others their noise. ``each`` uses that the difference of the
+    two slopes should be 0 on average: as much of it is taken off as least variance over the members
+    asks for, unless its interval excludes 0, since then `plain` is not right.
 
     Raises `ConfigError`.
     """
@@ -90,7 +93,7 @@ def smoothed(
     if pairs < 1:
         raise ConfigError(f"pairs = {pairs}: at least 1")
     if design == "each":
-        return _each(values, z, members, spread, pairs, generator)
+        return _each(values, z, members, spread, pairs, generator, control)
     if design != "joint":
         raise ConfigError(f"design '{design}': choose from {', '.join(DESIGNS)}")
     if generator is None or members * pairs <= len(z):
@@ -117,6 +120,7 @@ def _each(
     spread: float,
     pairs: int,
     generator: torch.Generator | None,
+    control: Tensor | None,
 ) -> Slope:
     P = len(z)
     sizes = _sizes((pairs, P, members), spread, generator)
@@ -124,7 +128,21 @@ def _each(
     offsets = (sizes.unsqueeze(-1) * eye[:, None, :]).flatten(0, 1)
     up, down = _antithetic(values, z, offsets)
     slopes = ((up - down) / (2.0 * sizes.flatten(0, 1))).unflatten(0, (pairs, P)).mean(dim=0)
-    return Slope.of_members(slopes.mT, _mean(up, down))
+    found = slopes.mT
+    if control is not None:
+        found = _controlled(found, control)
+    return Slope.of_members(found, _mean(up, down))
+
+
+def _controlled(slopes: Tensor, control: Tensor) -> Tensor:
+    """Slopes (B, P) less as much of their difference from `control` as gives least variance."""
+    apart = slopes - control
+    mean, half = mean_and_half(apart)
+    centred = apart - mean
+    share = (centred * (slopes - slopes.mean(dim=0))).sum(dim=0) / centred.square().sum(dim=0)
+    trusted = (mean.abs() <= half) & torch.isfinite(share)  # NaN compares as False
+    taken = torch.where(trusted, share.clamp(0.0, 1.0), 0.0) * torch.where(trusted, apart, 0.0)
+    return slopes - taken
 
 
 def _joint(

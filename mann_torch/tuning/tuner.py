@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,47 +14,9 @@ from .coordinates import Coordinates
 from .ensemble import Ensemble, Judge, Score, score
 from .gradients import GradientSettings, slope_of
 from .objective import Objective
+from .schedule import Schedule
+from .search import check_search, propose
 from .slopes import Slope
-
-OPTIMIZERS = ("adam", "lbfgs")
-
-
-@dataclass(frozen=True)
-class Schedule:
-    """How long to tune, in what steps, on how much of the task.
-
-    `curriculum` holds (iteration, horizon [s]) pairs: from that iteration on no member is longer.
-    `minibatch` members are drawn anew each iteration, all of them if None. Adam's `rate` falls to
-    a tenth over the run (a half cosine).
-    """
-
-    iterations: int = 50
-    optimizer: str = "adam"
-    rate: float = 0.08
-    minibatch: int | None = None
-    curriculum: Sequence[tuple[int, float]] = ()
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if self.iterations < 1:
-            raise ConfigError(f"iterations = {self.iterations}: at least 1")
-        if self.optimizer not in OPTIMIZERS:
-            raise ConfigError(f"optimizer '{self.optimizer}': choose from {', '.join(OPTIMIZERS)}")
-        if not (math.isfinite(self.rate) and self.rate > 0):
-            raise ConfigError(f"rate = {self.rate}: must be finite and > 0")
-        if self.minibatch is not None and self.minibatch < 2:
-            raise ConfigError(f"minibatch = {self.minibatch}: at least 2 members, for an interval")
-        starts = [first for first, _ in self.curriculum]
-        if starts != sorted(set(starts)) or any(first < 0 for first in starts):
-            raise ConfigError(f"curriculum {list(self.curriculum)}: iterations must increase")
-        for _, horizon in self.curriculum:
-            if not (math.isfinite(horizon) and horizon > 0):
-                raise ConfigError(f"curriculum horizon {horizon}: must be finite and > 0")
-
-    def horizon(self, iteration: int) -> float | None:
-        """The longest horizon in force [s]; None for the members' own."""
-        known = [horizon for first, horizon in self.curriculum if first <= iteration]
-        return known[-1] if known else None
 
 
 @dataclass
@@ -79,8 +40,10 @@ class Tuner:
         self.z = torch.zeros(self.coordinates.size, dtype=torch.float64, requires_grad=True)
         self._start: dict[float | None, Score] = {}
         rate = self.schedule.rate
-        self._optimizer: torch.optim.Optimizer
-        if self.schedule.optimizer == "adam":
+        self._optimizer: torch.optim.Optimizer | None = None
+        if self.schedule.optimizer == "optuna":
+            check_search()
+        elif self.schedule.optimizer == "adam":
             self._optimizer = torch.optim.Adam([self.z], lr=rate)
         else:
             self._optimizer = torch.optim.LBFGS(
@@ -98,14 +61,20 @@ class Tuner:
         return self.iteration >= self.schedule.iterations
 
     def values(self) -> dict[str, Tensor]:
-        """The constants: the mean (in coordinates) over the last quarter of the iterations."""
-        last = self.history[-max(1, len(self.history) // 4) :]
+        """The constants: the mean (in coordinates) over the last quarter of the iterations.
+
+        Of a search without gradients, the best it tried.
+        """
+        count = 1 if self._optimizer is None else max(1, len(self.history) // 4)
+        last = self.history[-count:]
         z = torch.tensor([row["z"] for row in last], dtype=torch.float64)
         return self.coordinates.values(z.mean(dim=0))
 
     def step(self) -> dict[str, Any]:
         """One iteration; returns its record: plain numbers, as `history` keeps them."""
         number = self.iteration
+        if self._optimizer is None:
+            return self._search(number)
         evaluated: list[Slope] = []
 
         def closure() -> float:
@@ -127,24 +96,68 @@ class Tuner:
             "z": self.z.detach().tolist(),
             "gradient": first.mean.tolist(),
             "half": first.half.tolist(),
-            "silent": first.silent.tolist(),
             "evaluations": len(evaluated),
         }
         self.history.append(record)
         return record
 
-    def _slope(self, number: int) -> Slope:
-        generator = torch.Generator().manual_seed(self.schedule.seed * 1_000_003 + number)
-        horizon = self.schedule.horizon(number)
+    def signal(self) -> tuple[Tensor, Tensor]:
+        """Mean gradient over all iterations, and its 95 % half-width, each (P,).
+
+        Where the interval contains 0, nothing told the tuner where to take that coordinate.
+        """
+        columns = [
+            torch.tensor([row[name] for row in self.history], dtype=torch.float64)
+            for name in ("gradient", "half")
+        ]
+        gradient, half = columns[0], columns[1].nan_to_num()
+        return gradient.mean(dim=0), half.square().sum(dim=0).sqrt() / len(half)
+
+    def _search(self, number: int) -> dict[str, Any]:
+        """Points tried side by side; `z` is the best of all iterations."""
+        ensemble, start = self._members(number, self._generator(number))
+        count = 2 * self.gradient.pairs
+        points = propose(self.history, count, self.coordinates.size, self.schedule.seed)
+        found = ensemble.judged(
+            self.coordinates.values(points.unsqueeze(1)), self._judge(start)
+        ).mean(dim=-1)
+        tried, values = points.tolist(), found.tolist()
+        best, z = min(zip(values, tried, strict=True))
+        if self.history and self.history[-1]["objective"] <= best:
+            best, z = self.history[-1]["objective"], self.history[-1]["z"]
+        record = {
+            "iteration": number,
+            "horizon": self.schedule.horizon(number),
+            "objective": best,
+            "z": z,
+            "tried": tried,
+            "values": values,
+            "gradient": [0.0] * len(z),
+            "half": [0.0] * len(z),
+            "evaluations": 1,
+        }
+        self.history.append(record)
+        return record
+
+    def _generator(self, number: int) -> torch.Generator:
         if self.schedule.optimizer == "lbfgs":  # a line search needs one and the same function
-            generator.manual_seed(self.schedule.seed)
-        start = self._started(horizon)
-        ensemble = self.ensemble.until(horizon)
+            number = 0
+        return torch.Generator().manual_seed(self.schedule.seed * 1_000_003 + number)
+
+    def _members(self, number: int, generator: torch.Generator) -> tuple[Ensemble, Score]:
+        """This iteration's members, and the scores of the start on them."""
+        horizon = self.schedule.horizon(number)
+        start, ensemble = self._started(horizon), self.ensemble.until(horizon)
         size = self.schedule.minibatch
         if size is not None and size < len(ensemble):
             chosen = torch.randperm(len(ensemble), generator=generator)[:size].sort().values
             ensemble = ensemble.select(chosen.tolist())
             start = Score(*(leaf[chosen] for leaf in start))
+        return ensemble, start
+
+    def _slope(self, number: int) -> Slope:
+        generator = self._generator(number)
+        ensemble, start = self._members(number, generator)
         slope = slope_of(
             ensemble,
             self.coordinates,
@@ -174,7 +187,7 @@ class Tuner:
         """Tensors and plain numbers only, for `torch.load(weights_only=True)`."""
         return {
             "z": self.z.detach().clone(),
-            "optimizer": self._optimizer.state_dict(),
+            "optimizer": {} if self._optimizer is None else self._optimizer.state_dict(),
             "history": self.history,
         }
 
@@ -186,5 +199,6 @@ class Tuner:
             )
         with torch.no_grad():
             self.z.copy_(state["z"])
-        self._optimizer.load_state_dict(state["optimizer"])
+        if self._optimizer is not None:
+            self._optimizer.load_state_dict(state["optimizer"])
         self.history = list(state["history"])
