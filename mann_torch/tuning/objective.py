@@ -46,6 +46,9 @@ class Objective:
 
     def __call__(self, score: Score, start: Score) -> Tensor:
         """(..., B) from the scores (..., B) and those of the start (B,)."""
+        ok = torch.isfinite(score.srmse) & torch.isfinite(score.rate) & torch.isfinite(score.peak)
+        # NaN, even where it counts for nothing, would leave NaN gradients.
+        score = Score(*(torch.where(ok, a, b) for a, b in zip(score, start, strict=True)))
         rate = score.rate / start.rate
         # Before `effort_after` there is no peak yet.
         peak = torch.where(start.peak > 0, score.peak / start.peak.clamp(min=1e-12), 0.0)
@@ -56,4 +59,4 @@ class Objective:
                 total = total + self.penalty * torch.relu(value / limit - 1.0).square()
         excess = (total / STEEP).clamp(min=1.0).log()
         total = total.clamp(max=STEEP) + STEEP * excess
-        return torch.where(torch.isfinite(total), total.clamp(max=DIVERGED), DIVERGED)
+        return torch.where(ok, total.clamp(max=DIVERGED), DIVERGED)

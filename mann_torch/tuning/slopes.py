@@ -70,10 +70,10 @@ def smoothed(
     It is the slope of a straight line fitted to the objective where z is scattered evenly over
     +- `spread`: that of the objective smoothed by Epanechnikov's kernel, of the same width as a
     difference over +- 0.77 `spread`. With an odd number of pairs and no generator, the middle one
-    is a difference over +- 0.79 `spread`: +- 10 % by default. Jumps from branch to branch are part of it, as they are for
-    whoever changes a constant by that much. Copies come in pairs z + d, z - d; the sizes |d| divide
-    the kernel into strata of equal weight, at their middles or, with a `generator`, anywhere in
-    them.
+    is a difference over +- 0.79 `spread`: +- 10 % by default. Jumps from branch to branch are part
+    of it, as they are for whoever changes a constant by that much. Copies come in pairs z + d,
+    z - d; the sizes |d| divide the kernel into strata of equal weight, at their middles or, with a
+    `generator`, anywhere in them.
 
     ``each`` moves one coordinate at a time: 2 P `pairs` rollouts a member, an interval over
     members. ``joint`` moves all at once with random signs: 2 `pairs` rollouts a member, whatever P;
