@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
@@ -47,9 +48,11 @@ def check_names(where: str, scenarios: Sequence[str], draws: Sequence[int]) -> N
         raise ConfigError(f"{where}.draws = {list(draws)}: must be >= 0")
 
 
-def with_start(plain: SimulateConfig, start: Mapping[str, Any]) -> SimulateConfig:
+def with_start(plain: SimulateConfig, start: Any) -> SimulateConfig:
     """A scenario's configuration with some constants replaced. Raises `ConfigError`."""
     constants = dataclasses.asdict(plain.constants)
+    if not isinstance(start, Mapping):
+        raise ConfigError(f"start = {start}: give values by name, start={{rate_W:20}}")
     for name in start:
         if name not in constants:
             raise ConfigError(f"start: no constant '{name}'; choose from {', '.join(constants)}")
@@ -90,6 +93,8 @@ def ensemble_of(
 
     Draw k has the same initial weights and the same noise in every scenario.
     """
+    if not (math.isfinite(cfg.effort_after) and cfg.effort_after >= 0):
+        raise ConfigError(f"effort_after = {cfg.effort_after}: must be finite and >= 0")
     parts = [experiment_of(cfg, plain, draws) for plain in scenarios]
     scenario, network, own = side_by_side(parts)
     noise, first = cfg.noise, parts[0]
@@ -113,5 +118,5 @@ def ensemble_of(
 
 def tuned_ensemble(cfg: TuneConfig, scenarios: Sequence[str], draws: Sequence[int]) -> Ensemble:
     """Named scenarios with the constants that tuning starts from. Raises `ConfigError`."""
-    plains = [with_start(composed((f"scenario='{name}'",)), cfg.start) for name in scenarios]
+    plains = [with_start(composed((f"scenario='{name}'",)), cfg.start or {}) for name in scenarios]
     return ensemble_of(cfg, plains, draws)

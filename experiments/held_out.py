@@ -49,8 +49,12 @@ class Verdict:
         return self.rate.mean <= 100 * (RATE_LIMIT - 1) and self.peak.mean <= 100 * (PEAK_LIMIT - 1)
 
 
-def grid_candidates(grid: Mapping[str, Any]) -> list[Candidate]:
+def grid_candidates(grid: Any) -> list[Candidate]:
     """Every combination of the grid's values. Raises `ConfigError`."""
+    if grid is None:
+        return []
+    if not isinstance(grid, Mapping):
+        raise ConfigError(f"grid = {grid}: give lists of numbers by name, grid={{rate_W:[10,30]}}")
     columns = []
     for name, values in grid.items():
         try:

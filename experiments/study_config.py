@@ -92,15 +92,15 @@ class TuneConfig(StudyConfig):
     """Constants to tune, on what, how, and on what they are judged afterwards."""
 
     names: list[str] = field(default_factory=list)  # constants to tune
-    start: dict[str, Any] = field(default_factory=dict)  # their values at first, and others';
-    # what is not given is each scenario's own
+    start: Any = None  # values to start from, by name; what is not given is each scenario's own
     matrix_form: str = "scalar"
     train: SetConfig = field(default_factory=SetConfig)
     held_out: SetConfig = field(default_factory=SetConfig)
     objective: ObjectiveConfig = field(default_factory=ObjectiveConfig)
     gradient: GradientConfig = field(default_factory=GradientConfig)
     schedule: ScheduleConfig = field(default_factory=ScheduleConfig)
-    grid: dict[str, Any] = field(default_factory=dict)  # numbers by constant: the Pareto grid
+    judge: bool = True  # whether to compute the held-out judgement
+    grid: Any = None  # lists of numbers by constant: the Pareto grid
     compare: list[str] = field(default_factory=list)  # constants.json files to judge, too
     resume: str | None = None  # folder of a run to go on with
 

@@ -87,7 +87,9 @@ def _candidates(
     cfg: TuneConfig, tuner: Tuner
 ) -> tuple[dict[str, Ensemble], list[Candidate], list[Candidate]]:
     """Held-out ensembles, compared candidates and grid. Raises `ConfigError`."""
-    ensembles = held_out.held_out_ensembles(cfg, cfg.held_out) if cfg.held_out.scenarios else {}
+    ensembles = held_out.held_out_ensembles(cfg, cfg.held_out)
+    if not cfg.judge:
+        ensembles = {}
     others, grid = held_out.compared(cfg.compare), held_out.grid_candidates(cfg.grid)
     held_out.check_candidates(tuner.ensemble, [*others, *grid])
     return ensembles, others, grid
