@@ -56,8 +56,8 @@ class ObjectiveConfig:
     """`mann_torch.tuning.Objective`; limits are multiples of the start's."""
 
     effort_weight: float = 0.1
-    rate_limit: float | None = 0.9
-    peak_limit: float | None = 1.0
+    rate_limit: float | None = 0.8
+    peak_limit: float | None = 0.95
     saturation: float | None = None  # [N m]
     penalty: float = 20.0
 

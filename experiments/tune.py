@@ -144,7 +144,7 @@ def _task(cfg: Any) -> None:
             "tuning_s": tuning_s,
             "constants": {name: v.tolist() for name, v in values.items()},
             "gradient": {label: asdict(s) for label, s in _signals(tuner).items()},
-            "silent": [label for label, s in _signals(tuner).items() if not s.excludes_zero],
+            "silent": tuner.silent(),
             "held_out": [asdict(v) for v in verdicts],
             "history": tuner.history,
         },
@@ -183,8 +183,9 @@ def _judge(ensembles: dict[str, Ensemble], candidates: Sequence[Candidate]) -> d
 
 
 def _signals(tuner: Tuner) -> dict[str, Interval]:
-    """Each coordinate's mean gradient over the run."""
-    columns = zip(tuner.coordinates.labels, *(c.tolist() for c in tuner.signal()), strict=True)
+    """Each coordinate's mean gradient over the first quarter of the run."""
+    found = tuner.signal()
+    columns = zip(tuner.coordinates.labels, found.mean.tolist(), found.half.tolist(), strict=True)
     return {label: Interval(mean, half) for label, mean, half in columns}
 
 
@@ -194,7 +195,7 @@ def _report(
     n = len(tuner.history)
     lines = [
         f"# Tuned constants\n\n{n} iterations, {tuning_s:.0f} s. Made by `{command}`.\n",
-        "| constant | start | tuned | mean gradient over the run |",
+        "| constant | start | tuned | gradient, first quarter |",
         "|---|---|---|---|",
     ]
     signals = _signals(tuner)
@@ -203,13 +204,13 @@ def _report(
         parts = [s for label, s in signals.items() if label.split("[")[0] == name]
         told = ", ".join(f"{s.mean:+.4f} ± {s.half:.4f}" for s in parts)
         lines.append(f"| {name} | {_text(start)} | {_text(value)} | {told} |")
-    quiet = [label for label, s in signals.items() if not s.excludes_zero]
+    quiet = tuner.silent()
     if tuner.schedule.optimizer == "optuna":
         lines.append("\nA search without gradients: nothing says which constants mattered.")
     elif quiet:
         lines.append(
-            f"\n**No signal: {', '.join(quiet)}.** The gradient was 0, or its interval over the "
-            "whole run contains 0: where these ended is chance."
+            f"\n**No signal: {', '.join(quiet)}.** The gradient was 0, or its 95 % interval "
+            "contains 0, over the first quarter and the whole run: where these ended is chance."
         )
     if verdicts:
         lines.append("\n## Held out\n\nPaired change from the start, mean and 95 % interval.\n")

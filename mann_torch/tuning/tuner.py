@@ -101,17 +101,24 @@ class Tuner:
         self.history.append(record)
         return record
 
-    def signal(self) -> tuple[Tensor, Tensor]:
-        """Mean gradient over all iterations, and its 95 % half-width, each (P,).
+    def signal(self, share: float = 0.25) -> Slope:
+        """The mean gradient over a first share of the iterations, with its interval.
 
-        Where the interval contains 0, nothing told the tuner where to take that coordinate.
+        Where that contains 0, nothing told the tuner where to take a coordinate. (Later on an
+        optimum is near, where it should.)
         """
-        columns = [
-            torch.tensor([row[name] for row in self.history], dtype=torch.float64)
+        rows = self.history[: max(1, math.ceil(share * len(self.history)))]
+        gradient, half = (
+            torch.tensor([row[name] for row in rows], dtype=torch.float64).nan_to_num()
             for name in ("gradient", "half")
-        ]
-        gradient, half = columns[0], columns[1].nan_to_num()
-        return gradient.mean(dim=0), half.square().sum(dim=0).sqrt() / len(half)
+        )
+        pooled = half.square().sum(dim=0).sqrt() / len(rows)
+        return Slope(gradient.mean(dim=0), pooled, rows[0]["objective"])
+
+    def silent(self) -> list[str]:
+        """Coordinates without a signal, neither at first nor over the whole run."""
+        quiet = self.signal().silent & self.signal(1.0).silent
+        return [label for label, q in zip(self.coordinates.labels, quiet, strict=True) if q]
 
     def _search(self, number: int) -> dict[str, Any]:
         """Points tried side by side; `z` is the best of all iterations."""

@@ -61,8 +61,8 @@ def test_every_mode_goes_downhill(mode: str) -> None:
     first, last = run.history[0]["objective"], run.history[-1]["objective"]
     assert last < first
     assert run.values()["error_gain"][0, 0] > 5.0  # a larger Lambda is where it goes
-    mean, half = run.signal()
-    assert mean.shape == half.shape == (3,) and mean[0] < 0
+    found = run.signal()
+    assert found.mean.shape == found.half.shape == (3,) and found.mean[0] < 0
 
 
 @pytest.mark.parametrize("optimizer", OPTIMIZERS)
@@ -144,8 +144,9 @@ def test_the_threshold_is_reported_as_silent() -> None:
         Schedule(iterations=2),
     )
     finished(run)
-    mean, half = run.signal()
-    assert mean[1] == 0 and half[1] == 0 and mean[0].abs() > half[0]
+    found = run.signal()
+    assert found.mean[1] == 0 and found.half[1] == 0 and found.mean[0].abs() > found.half[0]
+    assert run.silent() == ["shift_threshold"]
 
 
 def test_the_objective_counts_what_exceeds_a_limit_and_is_flat_where_a_sample_diverged() -> None:
