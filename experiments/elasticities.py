@@ -47,12 +47,16 @@ class Findings:
 
     labels: tuple[str, ...]
     srmse: list[float]  # of each draw [rad]
+    n_steps: int
     switches: list[int]
     reallocations: list[int]
     estimates: list[Estimate]
     landscapes: list[Landscape]
     norms: dict[str, list[tuple[float, float]]]  # mode -> (horizon [s], norm)
     judge: str  # the estimate that verdicts go by
+    events: dict[
+        str, list[int]
+    ]  # of the hybrid rollouts: located, sliding, unresolved, a draw each
 
     def by(self, mode: str) -> Estimate:
         """The estimate of one mode."""
@@ -97,6 +101,13 @@ def estimate_all(
         joints = srmse(trajectory)
         return joints.square().sum(-1).sqrt() if cfg.joint == 0 else joints[..., cfg.joint - 1]
 
+    events: dict[str, list[int]] = {}
+
+    def watched(trajectory: Trajectory) -> Tensor:
+        if trajectory.events is not None:
+            events.update({k: v.tolist() for k, v in trajectory.events._asdict().items()})
+        return judge(trajectory)
+
     points: list[tuple[Tensor, Tensor]] = []
 
     def values(z: Tensor) -> Tensor:
@@ -126,7 +137,7 @@ def estimate_all(
             progress(name)
             slopes = exact
             if mode != "plain":
-                slopes, _ = pathwise_slopes(ensemble, coordinates, zero, judge, mode, temperature)
+                slopes, _ = pathwise_slopes(ensemble, coordinates, zero, watched, mode, temperature)
             estimates.append(Estimate(name, _intervals(Slope.of_members(slopes, level), level)))
             norms[name] = [(ensemble.scenario.end, float(slopes.mean(dim=0).norm()) / level)]
     for horizon in sorted(cfg.horizons, reverse=True):
@@ -140,12 +151,14 @@ def estimate_all(
     return Findings(
         labels=coordinates.labels,
         srmse=each.tolist(),
+        n_steps=len(now.step_t) - 1,
         switches=switches(now).tolist(),
         reallocations=reallocations(now).tolist(),
         estimates=estimates,
         landscapes=[_landscape(points, each, level, i) for i in range(coordinates.size)],
         norms=norms,
         judge=difference_name(cfg.judge),
+        events=events,
     )
 
 

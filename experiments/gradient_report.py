@@ -111,6 +111,7 @@ def _task(cfg: Any) -> None:
             "reallocations": findings.reallocations,
             "elasticities": [dict(zip(header, row, strict=True)) for row in rows],
             "norms": findings.norms,
+            "events": findings.events,
         },
     )
     print(report)
@@ -171,6 +172,13 @@ def _report(
     ]
     if silent:
         lines.append(f"\nNo signal by the judge: {', '.join(silent)} (its interval contains 0).")
+    if findings.events:
+        told = ", ".join(f"{name} {_range(n)}" for name, n in findings.events.items())
+        lines.append(
+            f"\nSteps of a hybrid rollout with an event, of {findings.n_steps}: {told}. Located "
+            "events are differentiated through their time, sliding steps averaged, unresolved ones "
+            "taken as plain does."
+        )
     lines.append("\n| mode | norm of the gradient at horizon |\n|---|---|")
     for mode, series in findings.norms.items():
         text = ", ".join(f"{horizon:g} s: {norm:.3g}" for horizon, norm in series)

@@ -55,9 +55,9 @@ class SetConfig:
 class ObjectiveConfig:
     """`mann_torch.tuning.Objective`; limits are multiples of the start's."""
 
-    effort_weight: float = 0.1
-    rate_limit: float | None = 0.8
-    peak_limit: float | None = 0.95
+    effort_weight: float = 0.05
+    rate_limit: float | None = 0.88
+    peak_limit: float | None = 0.96
     saturation: float | None = None  # [N m]
     penalty: float = 20.0
 
@@ -68,7 +68,7 @@ class GradientConfig:
 
     mode: str = "smoothed"
     spread: float = 0.126
-    pairs: int = 2
+    pairs: int | None = None  # null: 3, or by joint what the number of constants asks for
     design: str = "joint"
     control: list[str] = field(default_factory=list)
     step: float = 0.1

@@ -31,13 +31,14 @@ class GradientSettings:
     | smoothed | the mean over members and a relative `spread` | 2 `pairs`, times P if ``each`` |
     | fd | the mean slope over +- `step` | 2 P |
 
+    `pairs` not given: 3 by ``each``; by ``joint`` enough for 2.5 comparisons a coordinate.
     `temperature` falls geometrically to `final_temperature` over a tuning run. `control`: names of
     constants whose plain gradient is right: it serves `smoothed` as a control variate.
     """
 
     mode: str = "smoothed"
     spread: float = 0.126
-    pairs: int = 2
+    pairs: int | None = None
     design: str = "joint"
     control: Sequence[str] = ()
     step: float = 0.1
@@ -58,7 +59,7 @@ class GradientSettings:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise ConfigError(f"gradient {name} = {value}: must be finite and > 0")
-        if self.pairs < 1:
+        if self.pairs is not None and self.pairs < 1:
             raise ConfigError(f"gradient pairs = {self.pairs}: at least 1")
         for name in self.control:
             if name not in coordinates.names:
@@ -68,11 +69,18 @@ class GradientSettings:
                 )
         size = min(members, minibatch or members)
         joint = self.mode == "smoothed" and self.design == "joint"
-        if joint and size * self.pairs <= coordinates.size:
+        pairs = self.pairs_for(size, coordinates.size)
+        if joint and size * pairs <= coordinates.size:
             raise ConfigError(
-                f"{size} members x {self.pairs} pairs can't tell {coordinates.size} coordinates "
+                f"{size} members x {pairs} pairs can't tell {coordinates.size} coordinates "
                 "apart: more gradient.pairs, or gradient.design=each"
             )
+
+    def pairs_for(self, members: int, coordinates: int) -> int:
+        """Pairs of copies a member."""
+        if self.pairs is not None:
+            return self.pairs
+        return 3 if self.design == "each" else math.ceil(2.5 * coordinates / members)
 
     def temperature_at(self, progress: float) -> float:
         """The temperature when a share `progress` (0 to 1) of the run is done."""
@@ -110,7 +118,7 @@ def slope_of(
             z,
             members,
             spread=settings.spread,
-            pairs=settings.pairs,
+            pairs=settings.pairs_for(members, len(z)),
             design=settings.design,
             generator=generator,
             control=control,

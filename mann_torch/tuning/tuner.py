@@ -123,7 +123,7 @@ class Tuner:
     def _search(self, number: int) -> dict[str, Any]:
         """Points tried side by side; `z` is the best of all iterations."""
         ensemble, start = self._members(number, self._generator(number))
-        count = 2 * self.gradient.pairs
+        count = 2 * self.gradient.pairs_for(len(ensemble), self.coordinates.size)
         points = propose(self.history, count, self.coordinates.size, self.schedule.seed)
         found = ensemble.judged(
             self.coordinates.values(points.unsqueeze(1)), self._judge(start)
