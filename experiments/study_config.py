@@ -55,9 +55,9 @@ class SetConfig:
 class ObjectiveConfig:
     """`mann_torch.tuning.Objective`; limits are multiples of the start's."""
 
-    effort_weight: float = 0.05
-    rate_limit: float | None = 0.88
-    peak_limit: float | None = 0.96
+    effort_weight: float = 0.0
+    rate_limit: float | None = 0.805
+    peak_limit: float | None = 0.97
     saturation: float | None = None  # [N m]
     penalty: float = 20.0
 
@@ -80,7 +80,7 @@ class GradientConfig:
 class ScheduleConfig:
     """`mann_torch.tuning.Schedule`."""
 
-    iterations: int = 50
+    iterations: int = 80
     optimizer: str = "adam"
     rate: float = 0.08
     minibatch: int | None = None

@@ -65,16 +65,36 @@ def both(made: Case | Experiment, *arguments: object, **options: object) -> list
         ]
 
 
+#: Each is some seconds of compiling on a bare machine; the others come with `make check`.
+QUICK = (
+    ("nn", "scaled"),
+    ("soft_state_keys", "scaled"),
+    ("hard", "scaled"),
+    ("hard_state_keys", "scaled"),
+    ("reallocating_initial", "scaled"),
+    ("reallocating_always_state_keys", "scaled"),
+    ("reallocating_always_state_keys", "raw"),
+    ("relaxed_hard", "scaled"),
+    ("relaxed_always_state_keys", "scaled"),
+)
+
+
 @pytest.mark.parametrize(
     ("name", "reset"),
-    [(n, "scaled") for n in NAMES] + [(n, "raw") for n in NAMES if resets(n)],
+    [
+        pair if pair in QUICK else pytest.param(*pair, marks=pytest.mark.slow)
+        for pair in [(n, "scaled") for n in NAMES] + [(n, "raw") for n in NAMES if resets(n)]
+    ],
 )
 def test_one_step_from_anywhere(name: str, reset: str) -> None:
     solver = mt.Implicit()
     assert_same(both(case(name, solver.dt, batch=20, reset=reset), solver), 1e-12)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name",
+    [n if (n, "scaled") in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in NAMES],
+)
 def test_half_a_second_with_mass_jumps_friction_and_resets(name: str) -> None:
     solver = mt.Implicit(follow_reference=name != "soft")
     runs = both(case(name, 0.5), solver, sample_dt=0.02)
