@@ -56,7 +56,7 @@ class ObjectiveConfig:
     """`mann_torch.tuning.Objective`; limits are multiples of the start's."""
 
     effort_weight: float = 0.0
-    rate_limit: float | None = 0.805
+    rate_limit: float | None = 0.82
     peak_limit: float | None = 0.97
     saturation: float | None = None  # [N m]
     penalty: float = 20.0
@@ -80,9 +80,9 @@ class GradientConfig:
 class ScheduleConfig:
     """`mann_torch.tuning.Schedule`."""
 
-    iterations: int = 80
+    iterations: int = 60
     optimizer: str = "adam"
-    rate: float = 0.08
+    rate: float = 0.15
     minibatch: int | None = None
     curriculum: list[Any] = field(default_factory=list)  # [iteration, horizon in s] pairs
 
