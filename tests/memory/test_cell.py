@@ -123,9 +123,8 @@ def test_samples_at_uneven_times_take_their_own_step() -> None:
 
 def test_dtype_is_that_of_what_goes_in_and_out_and_the_inside_stays_float64() -> None:
     torch.manual_seed(0)
-    model = nn.Sequential(
-        nn.Linear(WIDTH, WIDTH), mt.MemorySequence(mt.MemoryCell(WIDTH, N)), Last()
-    )
+    sequence = mt.MemorySequence(mt.MemoryCell(WIDTH, N))
+    model = nn.Sequential(nn.Linear(WIDTH, WIDTH), sequence, Last())
     x = torch.randn(9, 2, WIDTH)
     model(x).sum().backward()
     rounded = model(x)
