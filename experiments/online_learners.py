@@ -33,6 +33,8 @@ VARIANTS = (
 )
 #: These keep their inner weights V, so that readouts stay valid.
 FIXED = ("network_fixed", "readouts")
+#: Whom a variant is compared with.
+BASELINES = dict.fromkeys(VARIANTS[1:], "network") | {"readouts": "network_fixed"}
 
 
 @dataclass(frozen=True)

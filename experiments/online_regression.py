@@ -32,12 +32,19 @@ from .memory_report import (
     verdict,
     write_all,
 )
-from .online_learners import FINGERPRINT_TIME, PRINTS, VARIANTS, OnlineLearner, draw_stream
+from .online_learners import (
+    BASELINES,
+    FINGERPRINT_TIME,
+    PRINTS,
+    VARIANTS,
+    OnlineLearner,
+    draw_stream,
+)
 from .simulate import progress_bar
 from .writing import write_text
 
 MEASURES = ("after_switch", "steady", "recovery_s", "forgotten")
-HEADER = ("variant", *(f"{m}{end}" for m in MEASURES for end in ("", "_half")), "against_network")
+HEADER = ("variant", *(f"{m}{end}" for m in MEASURES for end in ("", "_half")), "against")
 PROBES, STRIDE = 64, 20  # points of a forgetting test; samples between rows of a trace
 
 
@@ -161,14 +168,16 @@ def _task(cfg: Any) -> None:
     for variant, learnt in found.items():
         numbers = [interval(learnt.measures[name]) for name in MEASURES]
         said = "-"
-        if "network" in found and variant != "network":
-            base = found["network"].measures["after_switch"]
-            said = verdict(learnt.measures["after_switch"], base, lower_is_better=True)
+        base = BASELINES.get(variant)
+        if base in found:
+            other = found[base].measures["after_switch"]
+            said = verdict(learnt.measures["after_switch"], other, lower_is_better=True)
+            said += f" ({base})"
         rows.append((variant, *(value for pair in numbers for value in pair), said))
         texts = [shown(*pair, 2 if n == 2 else 3) for n, pair in enumerate(numbers)]
         lines.append([variant, *texts, said])
     first = f"RMSE, first {plain.window:g} s"
-    header = ("variant", first, "RMSE, steady", "recovery [s]", "forgotten", "against network")
+    header = ("variant", first, "RMSE, steady", "recovery [s]", "forgotten", "against")
     table = markdown(header, lines)
     note = (
         f"{plain.n_functions} functions, {plain.visits} visits of {plain.visit_length:g} s each, "
@@ -181,9 +190,9 @@ def _task(cfg: Any) -> None:
     traces = {variant: learnt.trace for variant, learnt in found.items() if learnt.trace}
     block = round(plain.window / plain.dt) // 4
     for variant, learnt in found.items():
-        flat = learnt.rmse.reshape(-1)
-        flat = flat[: len(flat) // block * block].reshape(-1, block)
-        scalars[f"{variant}/rmse"] = np.sqrt((flat**2).mean(axis=1))
+        whole = learnt.rmse.size // block * block
+        blocks = learnt.rmse.reshape(-1)[:whole].reshape(-1, block)
+        scalars[f"{variant}/rmse"] = np.sqrt((blocks**2).mean(axis=1))
     if plain.figures:
         marks = [plain.visit_length * v for v in range(1, visits)]
         x = {v: block * plain.dt * np.arange(len(scalars[f"{v}/rmse"])) for v in found}

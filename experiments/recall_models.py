@@ -33,6 +33,12 @@ def sequences(cfg: RecallConfig, count: int, generator: torch.Generator) -> tupl
     return x, values.gather(1, order).T
 
 
+def without_keys(answer: Tensor) -> float:
+    """Accuracy of always answering the value shown most often: recall without any matching."""
+    counts = (answer.unsqueeze(0) == answer.unsqueeze(1)).sum(dim=0)
+    return float(counts.amax(dim=0).double().mean()) / len(answer)
+
+
 class Recurrent(nn.Module):
     """nn.LSTM or nn.GRU with a linear layer on top."""
 

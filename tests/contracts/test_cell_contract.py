@@ -61,18 +61,16 @@ def test_slot_permutation_permutes_the_state_and_not_the_output(attention: str, 
     torch.testing.assert_close(after_other.keys, after.keys[:, order], rtol=0, atol=1e-13)
 
 
-def parameters_with_a_path(attention: str, rule: str) -> set[str]:
-    """Contents always have one; keys and theta only where weights answer smoothly."""
+def parameters_with_a_path(cell: mt.MemoryCell) -> set[str]:
+    """Contents always have one; keys, T and theta only where weights answer smoothly."""
     layers = {f"{layer}.{leaf}" for layer in ("features.0", "output", "clock") for leaf in BOTH}
     found = layers | {"slots", "dt", "memory.write_gain"}
-    smooth = attention == "soft" or attention.startswith("relaxed")
-    if smooth and rule == "state":
-        found |= {"slot_keys", "context.weight", "context.bias", "memory.key_rule.key_rate"}
-    if attention.startswith("relaxed"):
-        found.add("memory.attention.temperature")
-    if attention in ("relaxed_initial", "relaxed_always"):
-        found.add("memory.attention.shift_threshold")
-    return found
+    if cell.memory.attention.switches:
+        return found
+    if cell.slot_keys.numel():
+        found |= {"slot_keys", "context.weight", "context.bias"}
+        found |= {f"memory.key_rule.{name}" for name in cell.memory.key_rule.constants()}
+    return found | {f"memory.attention.{name}" for name in cell.memory.attention.constants()}
 
 
 BOTH = ("weight", "bias")
@@ -91,7 +89,7 @@ def test_gradients_reach_exactly_the_parameters_with_a_path(attention: str, rule
         if parameter.grad is not None and bool((parameter.grad != 0).any()):
             assert bool(torch.isfinite(parameter.grad).all()), name
             reached.add(name)
-    assert reached == parameters_with_a_path(attention, rule)
+    assert reached == parameters_with_a_path(cell)
 
 
 @pairs

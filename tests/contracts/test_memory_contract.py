@@ -30,7 +30,7 @@ def test_every_registered_attention_is_under_contract() -> None:
 
 def setup(attention: str, rule: str) -> tuple[mt.WorkingMemory, tuple]:
     memory = mt.WorkingMemory(S, N, make_attention(attention), KEY_RULES[rule](), context_width=C)
-    width = C if rule == "state" else 0
+    width = memory.key_rule.width(C)
     state = MemoryState(0.4 * randn(B, S, N), randn(B, S, width, seed=1))
     drawn = torch.rand(B, S, generator=torch.Generator().manual_seed(2), dtype=torch.float64)
     active = drawn < 0.6
