@@ -41,7 +41,7 @@ class RecallConfig:
     n_slots: int = 8  # S
     hidden_size: int = 16  # N of the cell; the others get as many parameters
     context_size: int = 4  # width of the cell's keys
-    iterations: int = 400
+    iterations: int = 300
     longer: int = 5  # times the iterations, for lstm_long and gru_long: about equal wall time
     batch: int = 64
     rate: float = 0.02  # of Adam, the same for all

@@ -27,7 +27,8 @@ def attention_and_contents(
     for column, (name, run) in enumerate(runs.items()):
         top, bottom = axes[0][column], axes[1][column]
         n_slots, width = run["mu"].shape[-2:]
-        ends = (t[0], t[-1] if len(t) > 1 else t[0] + 1)
+        half = 0.5 * (t[1] - t[0]) if len(t) > 1 else 0.5
+        ends = (t[0] - half, t[-1] + half)
         top.imshow(
             run["weights"].T,
             aspect="auto",

@@ -1,6 +1,8 @@
 """docs/extending.md does what it says: its code runs as printed and meets the contracts."""
 
+import contextlib
 import inspect
+import io
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -63,3 +65,15 @@ def test_the_page_shows_a_gradient_and_two_slots(page: dict[str, Any]) -> None:
     seen = page["cell"].attend(torch.randn(20, 3), page["cell"].initial_state(20))
     assert bool(((seen.weights > 0).sum(-1) == 2).all())
     assert issubclass(page["KNearestAttention"], mt.Attention)
+
+
+def test_the_memory_pages_ode_is_one_step_of_the_cell() -> None:
+    page = (Path(__file__).parent.parent / "docs" / "memory.md").read_text()
+    (snippet,) = re.findall(r"```python\n(.*?)```", page, re.S)
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(compile(snippet, "docs/memory.md", "exec"), {})
+    assert 0.0 <= float(printed.getvalue()) < 1e-6
+    pictures = re.findall(r"!\[[^]]*\]\(([^)]+)\)", page)
+    assert len(pictures) == 4
+    assert all((Path(__file__).parent.parent / "docs" / name).exists() for name in pictures)
