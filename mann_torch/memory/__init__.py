@@ -4,7 +4,8 @@ This package imports nothing of control, plants or solvers: other learning code 
 """
 
 from .attention import Attention
-from .cell import Attended, CellState, MemoryCell
+from .cell import MemoryCell
+from .cell_state import Attended, CellState
 from .hard import HardAttention
 from .keys import KeyRule, RepresentationKeys, StateKeys
 from .reallocating import PHASES, ReallocatingAttention

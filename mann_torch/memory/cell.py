@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -11,49 +11,13 @@ from torch import Tensor, nn
 from ..constraints import DesignModule, Positive
 from ..errors import ConfigError, DtypeError, ShapeError
 from ..functional import Numbers
-from ..types import MemoryMode, MemoryOutput, MemoryState
+from ..types import MemoryOutput, MemoryState
 from .attention import Attention
+from .cell_state import Attended, CellState, check_state, state_of
 from .keys import KeyRule
 from .soft import SoftAttention
 from .stepping import exponential_step
 from .working_memory import WorkingMemory
-
-
-class CellState(NamedTuple):
-    """All that a cell carries from one step to the next; nothing but tensors."""
-
-    mu: Tensor  # (..., S, N) float64, slot contents
-    keys: Tensor  # (..., S, D) float64, keys with a motion of their own; D = 0 if there are none
-    active: Tensor  # (..., S) bool, slots in use; relaxed attention: float64 levels in [0, 1]
-    attended: Tensor  # (...,) int64, slot with the largest weight; -1 before the first step
-    switches: Tensor  # (...,) int64, changes of the attended slot so far
-    reallocations: Tensor  # (...,) int64, resets so far
-
-    @property
-    def memory(self) -> MemoryState:
-        """What flows: contents and keys."""
-        return MemoryState(self.mu, self.keys)
-
-    @property
-    def mode(self) -> MemoryMode:
-        """What jumps."""
-        return MemoryMode(self.active, self.attended, self.switches, self.reallocations)
-
-    def detach(self) -> CellState:
-        """The same values, cut off from the graph: for truncated backpropagation."""
-        return CellState(*(leaf.detach() for leaf in self))
-
-
-class Attended(NamedTuple):
-    """A look at the memory, and what writing to it needs."""
-
-    read: Tensor  # (..., N) float64, h_o
-    weights: Tensor  # (..., S) float64, w_r
-    hidden: Tensor  # (..., N) float64, sigma
-    context: Tensor  # (..., C) float64, what state keys compare
-    d_memory: MemoryState  # time derivative without a correction
-    dt: Tensor  # (...,) the step
-    state: CellState  # after the jump, before the step
 
 
 class MemoryCell(DesignModule):
@@ -152,12 +116,12 @@ class MemoryCell(DesignModule):
         mu = torch.where(memory.has_contents, memory.initial_mu, self.slots)
         keys = torch.where(memory.has_contents, memory.initial_keys, self.slot_keys)
         start = MemoryState(mu.expand(*batch, -1, -1), keys.expand(*batch, -1, -1))
-        return _state(start, memory.initial_mode(batch))
+        return state_of(start, memory.initial_mode(batch))
 
     def initial_state_at(self, x: Tensor) -> CellState:
         """The paper's start: every slot c_w sigma at the first x (..., I), with fresh keys."""
         hidden, context = self._look(x)
-        return _state(
+        return state_of(
             self.memory.initial_state(hidden, context), self.memory.initial_mode(x.shape[:-1])
         )
 
@@ -182,7 +146,7 @@ class MemoryCell(DesignModule):
         hidden, context = self._look(x, state)
         memory, mode = self.memory.reallocate(hidden, context, state.memory, state.mode)
         out = self.memory(hidden, torch.zeros_like(hidden), context, memory, mode)
-        after = _state(memory, self.memory.note(out.weights, mode))
+        after = state_of(memory, self.memory.note(out.weights, mode))
         span = self._pace(x) * (self.dt if dt is None else dt)
         return Attended(out.read, out.weights, hidden, context, out.d_memory, span, after)
 
@@ -224,7 +188,7 @@ class MemoryCell(DesignModule):
     def jump(self, x: Tensor, state: CellState) -> CellState:
         """Attention's decisions alone: reallocation, and which slot is attended now."""
         hidden, context = self._look(x, state)
-        return _state(*self.memory.jump(hidden, context, state.memory, state.mode))
+        return state_of(*self.memory.jump(hidden, context, state.memory, state.mode))
 
     def _look(self, x: Tensor, state: CellState | None = None) -> tuple[Tensor, Tensor]:
         """The way in: features and context, float64, of an x and a state that fit."""
@@ -236,21 +200,9 @@ class MemoryCell(DesignModule):
         if x.dim() < 1 or x.shape[-1] != self.input_size:
             raise ShapeError(f"x has shape {tuple(x.shape)}, not (..., {self.input_size})")
         if state is not None:
-            self._check_state(x, state)
+            check_state(x, state, self.slots.shape, self.slot_keys.shape)
         x = x.to(torch.float64)
         return self.features(x), self.context(x)
-
-    def _check_state(self, x: Tensor, state: CellState) -> None:
-        if not isinstance(state, CellState):
-            raise ConfigError(f"state is {type(state).__name__}, not CellState: use initial_state")
-        tail = (self.n_slots, self.hidden_size)
-        if state.mu.dtype != torch.float64 or state.keys.dtype != torch.float64:
-            raise DtypeError(f"state is {state.mu.dtype}; a cell's state is always float64")
-        if state.mu.shape[-2:] != tail or state.keys.shape[-2:] != self.slot_keys.shape[-2:]:
-            raise ShapeError(f"state.mu has shape {tuple(state.mu.shape)}, not (..., {tail})")
-        batches = x.shape[:-1], state.mu.shape[:-2]
-        if any(a != b and 1 not in (a, b) for a, b in zip(*map(reversed, batches), strict=False)):
-            raise ShapeError(f"batch shapes of x and state do not fit: {batches}")
 
     def _correction(self, correction: Tensor) -> Tensor:
         if correction.dim() < 1 or correction.shape[-1] != self.hidden_size:
@@ -275,7 +227,3 @@ class MemoryCell(DesignModule):
             return moved if moved.dtype == tensor.dtype else tensor.to(moved.device)
 
         return super()._apply(keep, recurse)
-
-
-def _state(memory: MemoryState, mode: MemoryMode) -> CellState:
-    return CellState(*memory, *mode[:4])

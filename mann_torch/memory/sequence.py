@@ -6,7 +6,8 @@ import torch
 from torch import Tensor, nn
 
 from ..errors import ShapeError
-from .cell import CellState, MemoryCell
+from .cell import MemoryCell
+from .cell_state import CellState
 from .telemetry import MemoryTrace
 
 

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from ..trees import map_tensors
-from .cell import CellState
+from .cell_state import CellState
 
 
 class MemoryTrace(NamedTuple):
