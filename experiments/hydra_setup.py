@@ -11,6 +11,7 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 
 from .config import ReproduceConfig, SimulateConfig
+from .memory_config import OnlineRegressionConfig, RecallConfig
 from .study_config import GradientReportConfig, TuneConfig
 
 # conf/ in a checkout, mann_torch/conf in an installed wheel: beside this package in both.
@@ -124,6 +125,8 @@ def register() -> None:
     store = ConfigStore.instance()
     store.store(name="base_simulate", node=SimulateConfig)
     store.store(name="base_reproduce", node=ReproduceConfig)
+    store.store(name="base_online_regression", node=OnlineRegressionConfig)
+    store.store(name="base_recall", node=RecallConfig)
     store.store(name="base_tune", node=TuneConfig)
     store.store(name="base_gradient_report", node=GradientReportConfig)
 

@@ -1,47 +1,58 @@
-"""Differentiable adaptive controllers with working memory."""
+"""Differentiable adaptive controllers with working memory.
 
-from .control import Controller, MannController, equal_parameter_hidden
-from .errors import (
-    ConfigError,
-    DomainError,
-    DtypeError,
-    KernelError,
-    MannError,
-    ShapeError,
-    SolverError,
-    WeightsFileError,
-)
-from .memory import (
-    Attention,
-    HardAttention,
-    KeyRule,
-    ReallocatingAttention,
-    RelaxedAttention,
-    RepresentationKeys,
-    SoftAttention,
-    StateKeys,
-    WorkingMemory,
-    relaxed,
-)
-from .metrics import peak_torque, reallocations, srmse, switches, torque_rate
-from .plants import ArmParameters, Plant, TwoLinkArm, arm_parameters
-from .signals import MeasurementNoise, PiecewiseConstant, Reference, Sinusoid
-from .simulation import (
-    ClosedLoop,
-    Implicit,
-    Odeint,
-    Scenario,
-    Solver,
-    Status,
-    Trajectory,
-    observe,
-    rollout,
-)
-from .types import NetworkState, PlantState
+Names are imported when they are first used: `import mann_torch.memory` loads the memory alone.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .control import Controller, MannController, equal_parameter_hidden
+    from .errors import (
+        ConfigError,
+        DomainError,
+        DtypeError,
+        KernelError,
+        MannError,
+        ShapeError,
+        SolverError,
+        WeightsFileError,
+    )
+    from .memory import (
+        Attention,
+        CellState,
+        HardAttention,
+        KeyRule,
+        MemoryCell,
+        MemorySequence,
+        ReallocatingAttention,
+        RelaxedAttention,
+        RepresentationKeys,
+        SoftAttention,
+        StateKeys,
+        WorkingMemory,
+        relaxed,
+    )
+    from .metrics import peak_torque, reallocations, srmse, switches, torque_rate
+    from .plants import ArmParameters, Plant, TwoLinkArm, arm_parameters
+    from .signals import MeasurementNoise, PiecewiseConstant, Reference, Sinusoid
+    from .simulation import (
+        ClosedLoop,
+        Implicit,
+        Odeint,
+        Scenario,
+        Solver,
+        Status,
+        Trajectory,
+        observe,
+        rollout,
+    )
+    from .types import NetworkState, PlantState
 
 __all__ = [
     "ArmParameters",
     "Attention",
+    "CellState",
     "ClosedLoop",
     "ConfigError",
     "Controller",
@@ -54,6 +65,8 @@ __all__ = [
     "MannController",
     "MannError",
     "MeasurementNoise",
+    "MemoryCell",
+    "MemorySequence",
     "NetworkState",
     "Odeint",
     "PiecewiseConstant",
@@ -86,3 +99,22 @@ __all__ = [
     "switches",
     "torque_rate",
 ]
+
+#: Where names are looked for, in this order: lower layers load no higher ones.
+_PARTS = ("errors", "types", "memory", "control", "plants", "signals", "simulation", "metrics")
+
+
+def __getattr__(name: str) -> Any:
+    if name in __all__:
+        for part in _PARTS:
+            module = import_module(f"{__name__}.{part}")
+            if hasattr(module, name):
+                value = globals()[name] = getattr(module, name)
+                return value
+    if name in (*_PARTS, "constraints", "functional", "statistics", "trees", "tuning"):
+        return import_module(f"{__name__}.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -195,7 +195,12 @@ class DesignModule(nn.Module):
     def _load_from_state_dict(
         self, state_dict: dict[str, Any], prefix: str, *arguments: Any
     ) -> None:
-        # A saved constant may have another batch shape than ours, and must be in its domain.
+        # A saved constant may have another batch shape than ours, and must be in its domain. One of
+        # the same shape is copied, so that an optimizer keeps its parameter.
         saved = {n: state_dict[prefix + n] for n in self._domains if prefix + n in state_dict}
-        self.initialize(**saved)
+        for name, value in saved.items():
+            self._domains[name].check(name, as_float64(value, name).detach())
+        mine = {name: self._parameters[name] for name in saved if name in self._parameters}
+        same = {n for n, p in mine.items() if p is not None and p.shape == saved[n].shape}
+        self.initialize(**{name: v for name, v in saved.items() if name not in same})
         super()._load_from_state_dict(state_dict, prefix, *arguments)

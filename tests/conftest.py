@@ -29,17 +29,19 @@ def _one_thread_and_seed() -> None:
     torch.manual_seed(0)
 
 
+ATTENTION_MAKERS: dict[str, Callable[[], mt.Attention]] = {
+    "soft": mt.SoftAttention,
+    "hard": mt.HardAttention,
+    "reallocating_initial": lambda: mt.ReallocatingAttention("initial"),
+    "reallocating_always": lambda: mt.ReallocatingAttention("always"),
+    "relaxed_hard": lambda: mt.RelaxedAttention(0.05),
+    "relaxed_initial": lambda: mt.RelaxedAttention(0.05, "initial"),
+    "relaxed_always": lambda: mt.RelaxedAttention(0.05, "always"),
+}
+
+
 def make_attention(name: str) -> mt.Attention:
-    kinds: dict[str, Callable[[], mt.Attention]] = {
-        "soft": mt.SoftAttention,
-        "hard": mt.HardAttention,
-        "reallocating_initial": lambda: mt.ReallocatingAttention("initial"),
-        "reallocating_always": lambda: mt.ReallocatingAttention("always"),
-        "relaxed_hard": lambda: mt.RelaxedAttention(0.05),
-        "relaxed_initial": lambda: mt.RelaxedAttention(0.05, "initial"),
-        "relaxed_always": lambda: mt.RelaxedAttention(0.05, "always"),
-    }
-    return kinds[name]()
+    return ATTENTION_MAKERS[name]()
 
 
 def make_controller(name: str, n_hidden: int = 6, n_slots: int = 4) -> mt.MannController:

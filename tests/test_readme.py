@@ -21,6 +21,18 @@ def test_the_first_snippet_prints_a_gradient() -> None:
     assert "c_w" in label and float(value) != 0.0
 
 
+def test_the_memorys_snippet_runs_as_printed() -> None:
+    (snippet,) = re.findall(
+        r"## The memory alone\n.*?```python\n(.*?)```", README.split("## Two engines")[0], re.S
+    )
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(compile(snippet, "README.md", "exec"), {})
+    shapes, value = printed.getvalue().strip().rsplit(" ", 1)
+    assert shapes.startswith("torch.Size([32, 20, 3]) torch.Size([32, 5, 16])")
+    assert float(value) > 0.0
+
+
 def test_the_symbol_table_names_every_constant() -> None:
     for name in ConstantsConfig.__dataclass_fields__:
         assert f"`{name}`" in README, name

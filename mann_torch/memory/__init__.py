@@ -4,12 +4,16 @@ This package imports nothing of control, plants or solvers: other learning code 
 """
 
 from .attention import Attention
+from .cell import MemoryCell
+from .cell_state import Attended, CellState
 from .hard import HardAttention
 from .keys import KeyRule, RepresentationKeys, StateKeys
 from .reallocating import PHASES, ReallocatingAttention
 from .relaxed import RelaxedAttention
 from .relaxing import relaxed
+from .sequence import MemorySequence
 from .soft import SoftAttention
+from .telemetry import MemoryTrace, reallocation_log
 from .working_memory import RESETS, WorkingMemory
 
 #: Names a configuration may use. A new mechanism is one file and one line here.
@@ -28,14 +32,20 @@ __all__ = [
     "KEY_RULES",
     "PHASES",
     "RESETS",
+    "Attended",
     "Attention",
+    "CellState",
     "HardAttention",
     "KeyRule",
+    "MemoryCell",
+    "MemorySequence",
+    "MemoryTrace",
     "ReallocatingAttention",
     "RelaxedAttention",
     "RepresentationKeys",
     "SoftAttention",
     "StateKeys",
     "WorkingMemory",
+    "reallocation_log",
     "relaxed",
 ]

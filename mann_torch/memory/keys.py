@@ -30,6 +30,13 @@ class KeyRule(DesignModule):
     def derivative(self, weights: Tensor, context: Tensor, memory: MemoryState) -> Tensor:
         """Time derivative of `memory.keys` (..., S, D)."""
 
+    def rate(self, weights: Tensor) -> Tensor:
+        """How fast each key relaxes to what it follows (..., S) [1/s], at weights (..., S).
+
+        With it a discrete step is exact (`MemoryCell`); 0, unless overridden: Euler's step.
+        """
+        return torch.zeros_like(weights)
+
     @abstractmethod
     def fresh_keys(self, context: Tensor) -> Tensor:
         """Key (..., D) of a slot that is written anew in this context (..., C)."""
@@ -85,8 +92,11 @@ class StateKeys(KeyRule):
 
     def derivative(self, weights: Tensor, context: Tensor, memory: MemoryState) -> Tensor:
         """-c_k w_r(i) (k_i - x), (..., S, C) [context units / s]."""
-        rate = self.key_rate.unsqueeze(-1) * weights
-        return rate.unsqueeze(-1) * (context.unsqueeze(-2) - memory.keys)
+        return self.rate(weights).unsqueeze(-1) * (context.unsqueeze(-2) - memory.keys)
+
+    def rate(self, weights: Tensor) -> Tensor:
+        """c_k w_r(i) (..., S) [1/s]."""
+        return self.key_rate.unsqueeze(-1) * weights
 
     def fresh_keys(self, context: Tensor) -> Tensor:
         """The context itself (..., C)."""

@@ -8,9 +8,10 @@ import torch
 from torch import Tensor
 
 from ..constraints import DesignModule, Positive
-from ..errors import ConfigError, ShapeError
+from ..errors import ConfigError, DtypeError, ShapeError
 from ..functional import (
     Numbers,
+    as_float64,
     blend,
     frobenius,
     infinity_distances,
@@ -77,7 +78,8 @@ class WorkingMemory(DesignModule):
     def initial_state(self, hidden: Tensor, context: Tensor) -> MemoryState:
         """Memory at t = 0 for features (..., N) and context (..., C).
 
-        Every slot c_w sigma with fresh keys, or the stored contents. Raises `ShapeError`.
+        Every slot c_w sigma with fresh keys, or the stored contents. Raises `ShapeError`,
+        `DtypeError`.
         """
         self._check(hidden, context)
         batch = hidden.shape[:-1]
@@ -94,14 +96,14 @@ class WorkingMemory(DesignModule):
 
         Boolean, or float64 where attention is `graded`.
         """
-        active = torch.ones(*batch_shape, self.n_slots, dtype=torch.bool)
-        if bool(self.has_contents):
-            active = active & self.initial_active
-        elif not self.attention.starts_full:
-            active[..., 1:] = False
+        fresh = torch.ones_like(self.initial_active)
+        if not self.attention.starts_full:
+            fresh[1:] = False
+        active = torch.where(self.has_contents, self.initial_active, fresh)
+        active = active.expand(*batch_shape, -1).clone()
         if self.attention.graded:
             active = active.to(torch.float64)
-        count = torch.zeros(tuple(batch_shape), dtype=torch.int64)
+        count = torch.zeros(tuple(batch_shape), dtype=torch.int64, device=active.device)
         return MemoryMode(active, count - 1, count, count.clone())
 
     def forward(
@@ -114,8 +116,9 @@ class WorkingMemory(DesignModule):
     ) -> MemoryOutput:
         """Read h_o (..., N), weights w_r (..., S) and d memory/dt at features (..., N).
 
-        `correction` (..., N) is W h_e'.
+        `correction` (..., N) is W h_e'. Raises `ShapeError`, `DtypeError`.
         """
+        self._check(hidden, context, memory)
         weights = self._attend(hidden, context, memory, mode)
         target = self.write_gain.unsqueeze(-1) * hidden + correction
         d_mu = weights.unsqueeze(-1) * (target.unsqueeze(-2) - memory.mu)
@@ -128,11 +131,17 @@ class WorkingMemory(DesignModule):
         """Reallocate where attention asks for it, then note which slot is attended.
 
         The reset slot gets c_w sigma or sigma (`reset`) and a fresh key; no other slot changes.
+        Raises `ShapeError`, `DtypeError`.
         """
+        self._check(hidden, context, memory)
         memory, mode = self.reallocate(hidden, context, memory, mode)
-        attended = self._attend(hidden, context, memory, mode).argmax(dim=-1)
+        return memory, self.note(self._attend(hidden, context, memory, mode), mode)
+
+    def note(self, weights: Tensor, mode: MemoryMode) -> MemoryMode:
+        """The mode with the slot that has the largest weight (..., S), and whether it is new."""
+        attended = weights.argmax(dim=-1)
         switched = (attended != mode.attended) & (mode.attended >= 0)
-        return memory, mode._replace(attended=attended, switches=mode.switches + switched)
+        return mode._replace(attended=attended, switches=mode.switches + switched)
 
     def reallocate(
         self,
@@ -211,10 +220,18 @@ class WorkingMemory(DesignModule):
         weights: Tensor = self.attention(comparison, mode.active)
         return weights
 
-    def _check(self, hidden: Tensor, context: Tensor) -> None:
+    def _check(self, hidden: Tensor, context: Tensor, memory: MemoryState | None = None) -> None:
+        if hidden.dtype != torch.float64 or (memory and memory.mu.dtype != torch.float64):
+            as_float64(hidden, "features of a memory")
+            raise DtypeError("mu of a memory is not float64: convert it with .double()")
         fits = self.context_width in (0, context.shape[-1])
         if hidden.shape[-1] != self.n_hidden or not fits:
             raise ShapeError(
                 f"memory of N = {self.n_hidden}, context width {self.context_width} got features "
                 f"{tuple(hidden.shape)} and context {tuple(context.shape)}"
+            )
+        if memory and memory.mu.shape[-2:] != self.initial_mu.shape:
+            raise ShapeError(
+                f"memory of {self.n_slots} slots, N = {self.n_hidden} got mu "
+                f"{tuple(memory.mu.shape)}"
             )

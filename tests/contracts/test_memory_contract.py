@@ -5,7 +5,7 @@ import torch
 
 import mann_torch as mt
 from mann_torch.memory import ATTENTIONS, KEY_RULES
-from mann_torch.trees import map_tensors
+from mann_torch.trees import leaves, map_tensors
 from mann_torch.types import MemoryState
 from tests.conftest import make_attention, randn
 
@@ -30,7 +30,7 @@ def test_every_registered_attention_is_under_contract() -> None:
 
 def setup(attention: str, rule: str) -> tuple[mt.WorkingMemory, tuple]:
     memory = mt.WorkingMemory(S, N, make_attention(attention), KEY_RULES[rule](), context_width=C)
-    width = C if rule == "state" else 0
+    width = memory.key_rule.width(C)
     state = MemoryState(0.4 * randn(B, S, N), randn(B, S, width, seed=1))
     drawn = torch.rand(B, S, generator=torch.Generator().manual_seed(2), dtype=torch.float64)
     active = drawn < 0.6
@@ -104,7 +104,44 @@ def test_gradients_reach_features_contents_and_write_gain(attention: str, rule: 
 
 
 @pairs
-def test_wrong_width_is_a_named_error(attention: str, rule: str) -> None:
-    memory, (hidden, _, context, _, _) = setup(attention, rule)
+def test_wrong_shapes_and_dtypes_are_named_errors(attention: str, rule: str) -> None:
+    memory, (hidden, correction, context, state, mode) = setup(attention, rule)
     with pytest.raises(mt.ShapeError, match="memory of N = 6"):
         memory.initial_state(hidden[:, :-1], context)
+    with pytest.raises(mt.ShapeError, match="memory of N = 6"):
+        memory(hidden[:, :-1], correction, context, state, mode)
+    with pytest.raises(mt.ShapeError, match="5 slots"):
+        memory.jump(hidden, context, state._replace(mu=state.mu[:, 1:]), mode)
+    with pytest.raises(mt.ShapeError, match="context"):
+        memory(hidden, correction, context[:, :-1], state, mode)
+    with pytest.raises(mt.DtypeError, match="float64"):
+        memory(hidden.float(), correction, context, state, mode)
+    with pytest.raises(mt.DtypeError, match="float64"):
+        memory.jump(hidden, context, state._replace(mu=state.mu.float()), mode)
+
+
+@pairs
+def test_state_dict_round_trip(attention: str, rule: str) -> None:
+    memory, arguments = setup(attention, rule)
+    memory.initialize(write_gain=0.6)
+    memory.store_(MemoryState(arguments[3].mu[0], arguments[3].keys[0]), arguments[4].active[0])
+    twin = setup(attention, rule)[0]
+    before = dict(twin.named_parameters())
+    twin.load_state_dict(memory.state_dict())
+    assert all(before[name] is value for name, value in twin.named_parameters())
+    start, mode = (m.initial_state(*arguments[:3:2]) for m in (memory, twin)), twin.initial_mode(())
+    for mine, other in zip(*start, strict=True):
+        assert torch.equal(mine, other)
+    assert torch.equal(mode.active, memory.initial_mode(()).active)
+    out, again = memory(*arguments), twin(*arguments)
+    assert torch.equal(out.read, again.read) and torch.equal(out.d_memory.mu, again.d_memory.mu)
+
+
+@pairs
+def test_export_parity(attention: str, rule: str) -> None:
+    memory, arguments = setup(attention, rule)
+    exported = torch.export.export(memory, arguments).module()
+    other = map_tensors(lambda leaf: leaf.flip(0), arguments[3])
+    for case in (arguments, (*arguments[:3], other, arguments[4])):
+        for mine, theirs in zip(leaves(memory(*case)), leaves(exported(*case)), strict=True):
+            torch.testing.assert_close(theirs, mine, rtol=0, atol=1e-14)

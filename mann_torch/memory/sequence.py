@@ -1,0 +1,61 @@
+"""A cell over a sequence, as `nn.LSTM` is over `nn.LSTMCell`."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from ..errors import ShapeError
+from .cell import MemoryCell
+from .cell_state import CellState
+from .telemetry import MemoryTrace
+
+
+class MemorySequence(nn.Module):
+    """`outputs, state = sequence(x)` over a whole sequence.
+
+    x is (T, ..., I), or (B, T, I) with `batch_first`, as in `nn.LSTM`; outputs likewise.
+
+    >>> sequence = MemorySequence(MemoryCell(3, 8), batch_first=True)
+    >>> outputs, state = sequence(torch.zeros(2, 50, 3))
+    >>> outputs.shape
+    torch.Size([2, 50, 8])
+    """
+
+    def __init__(self, cell: MemoryCell, batch_first: bool = False) -> None:
+        super().__init__()
+        self.cell, self.batch_first = cell, batch_first
+
+    def forward(self, x: Tensor, state: CellState | None = None) -> tuple[Tensor, CellState]:
+        """Outputs of every step and the last state; starts from `initial_state` if none is given.
+
+        Raises `ShapeError` for a sequence without a step.
+        """
+        x = self._time_first(x)
+        state = self.cell.initial_state(x.shape[1:-1]) if state is None else state
+        outputs = []
+        for now in x.unbind(0):
+            output, state = self.cell(now, state)
+            outputs.append(output)
+        return torch.stack(outputs, dim=1 if self.batch_first else 0), state
+
+    @torch.no_grad()
+    def trace(self, x: Tensor, state: CellState | None = None) -> MemoryTrace:
+        """What the memory did at every step, time first (T, ...): for telemetry, no gradients."""
+        x = self._time_first(x)
+        state = self.cell.initial_state(x.shape[1:-1]) if state is None else state
+        rows = []
+        for now in x.unbind(0):
+            seen = self.cell.attend(now, state)
+            state = self.cell.write(seen)
+            rows.append(MemoryTrace.row(seen.read, seen.weights, state))
+        return MemoryTrace.stack(rows)
+
+    def _time_first(self, x: Tensor) -> Tensor:
+        if x.dim() < 2 or (self.batch_first and x.dim() < 3):
+            form = "(B, T, I)" if self.batch_first else "(T, ..., I)"
+            raise ShapeError(f"x has shape {tuple(x.shape)}; a sequence is {form}")
+        x = x.transpose(0, 1) if self.batch_first else x
+        if len(x) == 0:
+            raise ShapeError("a sequence needs at least one step")
+        return x

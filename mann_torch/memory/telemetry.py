@@ -1,0 +1,65 @@
+"""What a memory did, as arrays: attention, contents, reallocations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ..trees import map_tensors
+from .cell_state import CellState
+
+
+class MemoryTrace(NamedTuple):
+    """A memory's signals over T steps, time first."""
+
+    read: Tensor  # (T, ..., N) h_o
+    weights: Tensor  # (T, ..., S) w_r
+    mu: Tensor  # (T, ..., S, N) contents after the step
+    active: Tensor  # (T, ..., S) slots in use
+    attended: Tensor  # (T, ...) slot with the largest weight
+    switches: Tensor  # (T, ...) changes of it so far
+    reallocations: Tensor  # (T, ...) resets so far
+
+    @classmethod
+    def row(cls, read: Tensor, weights: Tensor, state: CellState) -> MemoryTrace:
+        """One step's signals, detached."""
+        row = cls(
+            read,
+            weights,
+            state.mu,
+            state.active,
+            state.attended,
+            state.switches,
+            state.reallocations,
+        )
+        return map_tensors(Tensor.detach, row)
+
+    @classmethod
+    def stack(cls, rows: Sequence[MemoryTrace]) -> MemoryTrace:
+        """Steps put one after the other."""
+        return cls(*(torch.stack(leaves) for leaves in zip(*rows, strict=True)))
+
+    def member(self, *index: int) -> dict[str, np.ndarray]:
+        """One batch member's signals as arrays (T, .), by name; no index where there is no batch.
+
+        >>> from mann_torch.memory import MemoryCell, MemorySequence
+        >>> trace = MemorySequence(MemoryCell(3, 8, n_slots=4)).trace(torch.zeros(7, 2, 3))
+        >>> trace.member(1)["mu"].shape
+        (7, 4, 8)
+        """
+        where = (slice(None), *index)
+        return {name: leaf[where].cpu().numpy() for name, leaf in self._asdict().items()}
+
+
+def reallocation_log(trace: MemoryTrace, *index: int) -> dict[str, np.ndarray]:
+    """Steps and slots at which one batch member's slots were reset: `step` (K,), `slot` (K,).
+
+    A reset slot is the one attended right after; the first step counts from 0 resets.
+    """
+    run = trace.member(*index)
+    step = np.flatnonzero(np.diff(run["reallocations"], prepend=0) > 0)
+    return {"step": step, "slot": run["attended"][step]}
