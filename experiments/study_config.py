@@ -57,7 +57,7 @@ class ObjectiveConfig:
 
     effort_weight: float = 0.0
     rate_limit: float | None = 0.82
-    peak_limit: float | None = 0.97
+    peak_limit: float | None = 1.01
     saturation: float | None = None  # [N m]
     penalty: float = 20.0
 

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from .form import N_EVENT
-from .job import CARRIED, KEPT, MOTION, PARAMETERS, Inputs, Job
+from .job import AS_THEY_ARE, CARRIED, KEPT, MOTION, PARAMETERS, Inputs, Job
 from .kernels import Launch, kernel, pool
 
 #: Steps times samples of one launch on a core: about half a second, so that progress shows and
@@ -79,12 +79,7 @@ class Marcher:
         self.cause = torch.zeros(self.batch, **start)  # type: ignore[call-overload]
         self._fixed: dict[str, Any] = {
             "ring": self._ring,
-            "limit": job.limit,
-            "effort_after": job.effort_after,
-            "noise_std": job.noise_std,
-            "noise_row": job.noise_row,
-            "noise_unit": job.noise_unit,
-            "horizon": job.horizon,
+            **{name: getattr(job, name) for name in AS_THEY_ARE},
             "stop": self.stop,
             "cause": self.cause,
             **grid._asdict(),

@@ -77,3 +77,7 @@ class Job:
     device: str
     tape_memory: float  # [bytes]
     progress: Callable[[int], object] | None
+
+
+#: Members of a job that the kernel takes under their own names.
+AS_THEY_ARE = ("limit", "effort_after", "noise_std", "noise_row", "noise_unit", "horizon")
