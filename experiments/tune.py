@@ -106,7 +106,11 @@ def _task(cfg: Any) -> None:
         _restored(tuner, folder)
     command = (folder / "command.txt").read_text().strip()
     start = time.perf_counter()
-    with SummaryWriter(str(folder), purge_step=tuner.iteration) as writer:
+    for old in folder.glob("events.out.tfevents*"):
+        old.unlink()  # of a run that was killed: the checkpoint has its history, whole
+    with SummaryWriter(str(folder)) as writer:
+        for record in tuner.history:
+            _log(writer, tuner, record)
         _tune(tuner, folder, writer)
         tuning_s = time.perf_counter() - start
         values = tuner.values()
@@ -155,19 +159,23 @@ def _task(cfg: Any) -> None:
 
 def _tune(tuner: Tuner, folder: Path, writer: SummaryWriter) -> None:
     """All iterations that are left; a checkpoint after each."""
-    labels = tuner.coordinates.labels
     with progress_bar(tuner.schedule.iterations, "iteration") as bar:
         bar.update(tuner.iteration)
         while not tuner.done:
             record = tuner.step()
             checkpoints.save(folder, tuner.state_dict())
-            step = record["iteration"]
-            writer.add_scalar("tune/objective", record["objective"], step)
-            for label, z, slope in zip(labels, record["z"], record["gradient"], strict=True):
-                writer.add_scalar(f"log_change/{label}", z, step)
-                writer.add_scalar(f"gradient/{label}", slope, step)
+            _log(writer, tuner, record)
             bar.set_postfix(objective=f"{record['objective']:.4f}")
             bar.update()
+
+
+def _log(writer: SummaryWriter, tuner: Tuner, record: dict[str, Any]) -> None:
+    """One iteration's curves."""
+    step, labels = record["iteration"], tuner.coordinates.labels
+    writer.add_scalar("tune/objective", record["objective"], step)
+    for label, z, slope in zip(labels, record["z"], record["gradient"], strict=True):
+        writer.add_scalar(f"log_change/{label}", z, step)
+        writer.add_scalar(f"gradient/{label}", slope, step)
 
 
 def _judge(ensembles: dict[str, Ensemble], candidates: Sequence[Candidate]) -> dict[str, Any]:

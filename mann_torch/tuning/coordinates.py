@@ -12,6 +12,8 @@ from ..constraints import DesignModule, SymmetricPositiveDefinite
 from ..errors import ConfigError
 
 FORMS = ("scalar", "diagonal", "full")
+#: z beyond this counts as this: a factor of 3000, short of where exp leaves the finite numbers.
+BOUND = 8.0
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,7 @@ class Coordinates:
     def values(self, z: Tensor) -> dict[str, Tensor]:
         """The constants at z (..., P), each (..., *event), differentiably."""
         values = {}
-        pieces = z.split([part.size for part in self._parts], dim=-1)
+        pieces = z.clamp(-BOUND, BOUND).split([part.size for part in self._parts], dim=-1)
         for part, piece in zip(self._parts, pieces, strict=True):
             if part.start.dim() == 0:
                 values[part.name] = part.start * piece.squeeze(-1).exp()

@@ -42,8 +42,8 @@ def ensemble(name: str = "hard", horizon: float = 0.08) -> Ensemble:
     return Ensemble(loop, scenario, network, mt.Implicit(), effort_after=0.02, engine="torch")
 
 
-def tuner(mode: str = "smoothed", **schedule: object) -> Tuner:
-    made = ensemble()
+def tuner(mode: str = "smoothed", horizon: float = 0.08, **schedule: object) -> Tuner:
+    made = ensemble(horizon=horizon)
     plan = Schedule(**{"iterations": 4, **schedule})  # type: ignore[arg-type]
     coordinates = Coordinates(made.loop.controller, NAMES)
     settings = GradientSettings(mode=mode, pairs=2)
@@ -70,7 +70,7 @@ def test_every_mode_goes_downhill(mode: str) -> None:
 def test_every_optimizer_improves_on_the_start(optimizer: str) -> None:
     if optimizer == "optuna":
         pytest.importorskip("optuna")
-    run = finished(tuner(optimizer=optimizer))
+    run = finished(tuner(horizon=0.2, optimizer=optimizer))
     start = run.ensemble.scores({})
     found = run.ensemble.scores({k: v.expand(1, *v.shape) for k, v in run.values().items()})
     before, after = (float(run.objective(s, start).mean()) for s in (start, found))
