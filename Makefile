@@ -26,7 +26,7 @@ lint: install
 	.venv/bin/mypy
 
 test: lint
-	$(PY) -m pytest -q --doctest-modules mann_torch/memory
+	$(PY) -m pytest -q --doctest-modules mann_torch/memory mann_torch/figures.py
 	$(PY) -m pytest -n 2 --dist worksteal -q $(ARGS)
 
 # The slow checks too: torchdiffeq over 20 s, golden numbers at 1 ms.

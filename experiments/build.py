@@ -48,6 +48,10 @@ def build(cfg: SimulateConfig) -> Experiment:
     """Build and check a whole experiment. Raises `ConfigError` (or a subclass) in one line."""
     if cfg.draws < 1:
         raise ConfigError(f"draws = {cfg.draws}: at least 1")
+    if not 0 <= cfg.output.member < cfg.draws:
+        raise ConfigError(
+            f"output.member = {cfg.output.member}: there are {cfg.draws} draws, from 0"
+        )
     if not (math.isfinite(cfg.output.sample_dt) and cfg.output.sample_dt > 0):
         raise ConfigError(f"output.sample_dt = {cfg.output.sample_dt}: must be finite and > 0")
     scenario = build_scenario(cfg)

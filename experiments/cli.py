@@ -23,7 +23,10 @@ from omegaconf.errors import OmegaConfBaseException
 
 from mann_torch.errors import ConfigError, MannError
 
-from .hydra_setup import CONF
+from .conf_files import CONF
+from .hydra_setup import register
+
+register()
 
 #: Exit codes: a setting that cannot be used, a run that failed, Ctrl-C.
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130

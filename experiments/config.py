@@ -98,6 +98,7 @@ class InitialConfig:
 @dataclass
 class OutputConfig:
     sample_dt: float = 0.05
+    member: int = 0  # whose pictures: 0 to draws - 1
     figures: bool = True
     tensorboard: bool = True
 

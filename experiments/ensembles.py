@@ -20,8 +20,8 @@ from mann_torch.types import NetworkState
 from .batching import side_by_side
 from .build import Experiment, build
 from .cli import compose_job
+from .conf_files import group_names
 from .config import SimulateConfig
-from .hydra_setup import group_names
 from .study_config import StudyConfig, TuneConfig
 
 

@@ -25,6 +25,16 @@ def one_draw(arrays: Arrays, draw: int) -> dict[str, np.ndarray]:
     }
 
 
+def with_resets(run: Arrays) -> dict[str, np.ndarray]:
+    """One draw's arrays and `reset` (K,): the slot reset since the sample before, -1 for none.
+
+    As far as samples tell: the slot attended after it.
+    """
+    counts = run["reallocations"]
+    new = np.diff(counts, prepend=counts[:1]) > 0
+    return {**run, "reset": np.where(new, run["attended"], -1)}
+
+
 def save(figure: Figure, path: Path) -> None:
     """Write a PNG, whole or not at all."""
     buffer = io.BytesIO()
@@ -115,6 +125,31 @@ def against_paper(rows: Sequence[tuple[str, float, float, float]], title: str) -
     ax.set_ylim(-1, len(rows))
     ax.set_yticks(y, [row[0] for row in rows], fontsize="x-small")
     ax.set_xlabel("ours / paper - 1 [%], bars: standard deviation over draws")
+    ax.set_title(title)
+    return figure
+
+
+def curves(
+    lines: Mapping[str, np.ndarray],
+    x: Mapping[str, np.ndarray],
+    labels: tuple[str, str],
+    title: str,
+    log: bool = False,
+    marks: Sequence[float] = (),
+) -> Figure:
+    """One line a variant, (T,) each against its own x (T,)."""
+    figure = Figure(figsize=(9, 4.5), layout="constrained")
+    ax = figure.subplots()
+    colours = (*COLOURS, "tab:brown", "tab:gray", "tab:olive")
+    for colour, (name, values) in zip(colours, lines.items(), strict=False):
+        ax.plot(x[name], values, lw=1.0, color=colour, label=name)
+    for mark in marks:
+        ax.axvline(mark, color="0.8", lw=0.6, zorder=0)
+    ax.set_xlabel(labels[0])
+    ax.set_ylabel(labels[1])
+    if log:
+        ax.set_yscale("log")
+    ax.legend(fontsize="small", ncols=2)
     ax.set_title(title)
     return figure
 

@@ -74,12 +74,12 @@ def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def trace_arrays(traces: Mapping[str, MemoryTrace], member: int) -> dict[str, np.ndarray]:
-    """One member's attention, contents and reallocation log, `variant/name` each."""
+def trace_arrays(traces: Mapping[str, MemoryTrace], *member: int) -> dict[str, np.ndarray]:
+    """One batch member's attention, contents and reallocation log, `variant/name` each."""
     found: dict[str, np.ndarray] = {}
     for variant, trace in traces.items():
-        found |= {f"{variant}/{name}": array for name, array in trace.member(member).items()}
-        log = reallocation_log(trace, member)
+        found |= {f"{variant}/{name}": array for name, array in trace.member(*member).items()}
+        log = reallocation_log(trace, *member)
         found |= {f"{variant}/reallocation_{name}": array for name, array in log.items()}
     return found
 

@@ -15,12 +15,14 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
 from torch import Tensor
 
+import mann_torch as mt
 from mann_torch.errors import ConfigError
 from mann_torch.memory import MemoryTrace
+from mann_torch.trees import map_tensors
 
 from .cli import command_line, reject_unknown, run_cli
+from .figures import curves
 from .memory_config import OnlineRegressionConfig
-from .memory_figures import attention_and_contents, curves
 from .memory_report import (
     check_at_least,
     check_positive,
@@ -45,7 +47,7 @@ from .writing import write_text
 
 MEASURES = ("after_switch", "steady", "recovery_s", "forgotten")
 HEADER = ("variant", *(f"{m}{end}" for m in MEASURES for end in ("", "_half")), "against")
-PROBES, STRIDE = 64, 20  # points of a forgetting test; samples between rows of a trace
+PROBES = 64  # points of a forgetting test
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ class Learnt:
 
     measures: dict[str, np.ndarray]  # (seeds,) each, over the visits that are returns
     rmse: np.ndarray  # (visits, samples) over seeds, smoothed by the caller
-    trace: MemoryTrace | None
+    trace: MemoryTrace | None  # of seed `member`
 
 
 def main() -> None:
@@ -101,14 +103,15 @@ def learn(cfg: OnlineRegressionConfig, variant: str, progress: Callable[[], obje
         if visit == 0:
             state = learner.begin(state, inputs[0], prints, 0.3 * spread)
         for step in range(per_visit):
-            looked = learner.look(state, inputs[step], prints, jump=True)
+            looked, before = learner.look(state, inputs[step], prints, jump=True), state.cell
             error = answers[step] - looked.prediction
             state = learner.update(state, inputs[step], error, looked)
             new = answers[step].unsqueeze(-1) * basis[step]
             prints = prints + min(1.0, cfg.dt / FINGERPRINT_TIME) * (new - prints)
             squared.append(error.square())
-            if looked.seen is not None and state.cell is not None and step % STRIDE == 0:
-                rows.append(MemoryTrace.row(looked.seen.read, looked.seen.weights, state.cell))
+            if looked.seen is not None and before is not None and state.cell is not None:
+                row = MemoryTrace.row(before, looked.seen, state.cell)
+                rows.append(map_tensors(lambda leaf: leaf[cfg.member].clone(), row))
         probed.append(torch.stack([_probe(learner, state, *probe) for probe in probes]))
         progress()
     errors = torch.stack(squared).reshape(-1, per_visit, cfg.seeds)
@@ -200,13 +203,13 @@ def _task(cfg: Any) -> None:
         labels = ("t [s]", "RMSE over seeds")
         figures["error"] = curves(shown_lines, x, labels, "Online regression", False, marks)
         if traces:
-            members = {v: trace.member(plain.member) for v, trace in traces.items()}
-            t = plain.dt * STRIDE * np.arange(len(next(iter(traces.values())).attended))
+            members = {v: trace.member() for v, trace in traces.items()}
+            t = plain.dt * np.arange(len(next(iter(traces.values())).attended))
             title = f"Online regression, seed {plain.member}; dotted: the function changes"
-            figures["memory"] = attention_and_contents(members, t, title, marks, "t [s]")
+            figures["memory"] = mt.memory_figure(members, t, title, marks, "t [s]")
     arrays = {f"{v}/{m}": a for v, learnt in found.items() for m, a in learnt.measures.items()}
     arrays |= {f"{v}/rmse": learnt.rmse for v, learnt in found.items()}
-    arrays |= trace_arrays(traces, plain.member)
+    arrays |= trace_arrays(traces)
     record = {
         "table": [dict(zip(HEADER, row, strict=True)) for row in rows],
         "units": {"recovery_s": "s"},

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from mann_torch.errors import ConfigError
 
 from .claims import CLAIM_RUNS, OURS
+from .conf_files import group_names
 from .config import ReproduceConfig
-from .hydra_setup import group_names
 
 METRICS = ("srmse", "srmse_after_10s")
 PANELS = ("joint_angles", "features_and_read", "attention_timeline")

@@ -15,12 +15,13 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
 from torch import nn
 
+import mann_torch as mt
 from mann_torch.errors import ConfigError
 from mann_torch.memory import MemoryTrace
 
 from .cli import command_line, reject_unknown, run_cli
+from .figures import curves
 from .memory_config import RecallConfig
-from .memory_figures import attention_and_contents, curves
 from .memory_report import (
     check_at_least,
     check_positive,
@@ -170,7 +171,7 @@ def _task(cfg: Any) -> None:
             members = {v: trace.member(plain.member) for v, trace in traces.items()}
             t = np.arange(2 * plain.n_pairs)
             title = f"Recall, test sequence {plain.member}: shown, then asked for"
-            figures["memory"] = attention_and_contents(members, t, title, [plain.n_pairs - 0.5])
+            figures["memory"] = mt.memory_figure(members, t, title, [plain.n_pairs - 0.5])
     arrays = {f"{v}/accuracy": values for v, values in accuracy.items()}
     arrays |= {f"{v}/loss": np.stack([run.loss for run in runs]) for v, runs in found.items()}
     record = {

@@ -14,14 +14,22 @@ from matplotlib.figure import Figure
 from omegaconf import OmegaConf
 from tqdm import tqdm
 
-from mann_torch import Trajectory, rollout
+from mann_torch import Trajectory, memory_figure, rollout
 from mann_torch.simulation import check_engine
 from mann_torch.simulation.step_grid import StepGrid
 
 from .build import Experiment, build
 from .cli import command_line, reject_unknown, run_cli
 from .config import SimulateConfig
-from .figures import Arrays, attention_timeline, features_and_read, joint_angles, one_draw, save
+from .figures import (
+    Arrays,
+    attention_timeline,
+    features_and_read,
+    joint_angles,
+    one_draw,
+    save,
+    with_resets,
+)
 from .recording import log_run, metrics_of, signal_arrays
 from .writing import write_arrays, write_json, write_text
 
@@ -68,13 +76,15 @@ def progress_bar(total: int, unit: str) -> tqdm:
     return tqdm(total=total, unit=unit, delay=2.0, mininterval=often, leave=False)
 
 
-def run_figures(title: str, name: str, arrays: Arrays) -> dict[str, Figure]:
-    """The standard pictures of one run's first draw."""
-    runs = {name: one_draw(arrays, 0)}
+def run_figures(title: str, name: str, arrays: Arrays, member: int) -> dict[str, Figure]:
+    """The standard pictures of one draw of a run."""
+    run = one_draw(arrays, member)
+    runs = {name: run}
     figures = {"joint_angles": joint_angles(runs, title)}
     figures["features_and_read"] = features_and_read(runs, title)
-    if "attended" in arrays:
+    if "attended" in run:
         figures["attention"] = attention_timeline(runs, title)
+        figures["memory"] = memory_figure({name: with_resets(run)}, run["t"], title, (), "t [s]")
     return figures
 
 
@@ -114,7 +124,9 @@ def _task(cfg: Any) -> None:
     write_text(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
     write_json(folder / "metrics.json", record)
     write_arrays(folder / "trajectory.npz", arrays)
-    figures = run_figures(title, plain.controller.name, arrays) if plain.output.figures else {}
+    figures = {}
+    if plain.output.figures:
+        figures = run_figures(title, plain.controller.name, arrays, plain.output.member)
     for name, figure in figures.items():
         save(figure, folder / f"{name}.png")
     if plain.output.tensorboard:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         SolverError,
         WeightsFileError,
     )
+    from .figures import memory_figure
     from .memory import (
         Attention,
         CellState,
@@ -90,6 +91,7 @@ __all__ = [
     "WorkingMemory",
     "arm_parameters",
     "equal_parameter_hidden",
+    "memory_figure",
     "observe",
     "peak_torque",
     "reallocations",
@@ -101,7 +103,17 @@ __all__ = [
 ]
 
 #: Where names are looked for, in this order: lower layers load no higher ones.
-_PARTS = ("errors", "types", "memory", "control", "plants", "signals", "simulation", "metrics")
+_PARTS = (
+    "errors",
+    "types",
+    "memory",
+    "control",
+    "plants",
+    "signals",
+    "simulation",
+    "metrics",
+    "figures",
+)
 
 
 def __getattr__(name: str) -> Any:

@@ -18,6 +18,7 @@ ALLOWED = {
     "simulation": BASE | {"memory", "control", "plants", "signals", "fused"},
     "metrics": BASE | {"simulation"},
     "statistics": BASE,
+    "figures": BASE,
     "tuning": BASE | {"simulation", "metrics", "statistics"},
 }
 

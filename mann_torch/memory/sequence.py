@@ -26,36 +26,51 @@ class MemorySequence(nn.Module):
         super().__init__()
         self.cell, self.batch_first = cell, batch_first
 
-    def forward(self, x: Tensor, state: CellState | None = None) -> tuple[Tensor, CellState]:
+    def forward(
+        self, x: Tensor, state: CellState | None = None, dt: Tensor | None = None
+    ) -> tuple[Tensor, CellState]:
         """Outputs of every step and the last state; starts from `initial_state` if none is given.
 
-        Raises `ShapeError` for a sequence without a step.
+        `dt` (T, ...), or (B, T) with `batch_first`, gives every step its own length, (T,) the same
+        for all: samples at uneven times, or 0 where nothing is to be written. Raises `ShapeError` for a sequence
+        without a step.
         """
-        x = self._time_first(x)
-        state = self.cell.initial_state(x.shape[1:-1]) if state is None else state
+        steps, state = self._begin(x, state, dt)
         outputs = []
-        for now in x.unbind(0):
-            output, state = self.cell(now, state)
+        for now, span in steps:
+            output, state = self.cell(now, state, dt=span)
             outputs.append(output)
         return torch.stack(outputs, dim=1 if self.batch_first else 0), state
 
     @torch.no_grad()
-    def trace(self, x: Tensor, state: CellState | None = None) -> MemoryTrace:
+    def trace(
+        self, x: Tensor, state: CellState | None = None, dt: Tensor | None = None
+    ) -> MemoryTrace:
         """What the memory did at every step, time first (T, ...): for telemetry, no gradients."""
-        x = self._time_first(x)
-        state = self.cell.initial_state(x.shape[1:-1]) if state is None else state
+        steps, state = self._begin(x, state, dt)
         rows = []
-        for now in x.unbind(0):
-            seen = self.cell.attend(now, state)
-            state = self.cell.write(seen)
-            rows.append(MemoryTrace.row(seen.read, seen.weights, state))
+        for now, span in steps:
+            seen = self.cell.attend(now, state, span)
+            after = self.cell.write(seen)
+            rows.append(MemoryTrace.row(state, seen, after))
+            state = after
         return MemoryTrace.stack(rows)
 
-    def _time_first(self, x: Tensor) -> Tensor:
+    def _begin(
+        self, x: Tensor, state: CellState | None, dt: Tensor | None
+    ) -> tuple[list[tuple[Tensor, Tensor | None]], CellState]:
+        """Each step's x and dt, and the state before the first."""
         if x.dim() < 2 or (self.batch_first and x.dim() < 3):
             form = "(B, T, I)" if self.batch_first else "(T, ..., I)"
             raise ShapeError(f"x has shape {tuple(x.shape)}; a sequence is {form}")
         x = x.transpose(0, 1) if self.batch_first else x
         if len(x) == 0:
             raise ShapeError("a sequence needs at least one step")
-        return x
+        state = self.cell.initial_state(x.shape[1:-1]) if state is None else state
+        if dt is None:
+            return [(now, None) for now in x.unbind(0)], state
+        spans = dt.transpose(0, 1) if self.batch_first and dt.dim() > 1 else dt
+        if spans.shape[:1] != x.shape[:1]:
+            form = "(B, T)" if self.batch_first else "(T, ...)"
+            raise ShapeError(f"dt has shape {tuple(dt.shape)}; a sequence of {len(x)} has {form}")
+        return list(zip(x.unbind(0), spans.unbind(0), strict=True)), state

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from ..trees import map_tensors
-from .cell_state import CellState
+from .cell_state import Attended, CellState
 
 
 class MemoryTrace(NamedTuple):
@@ -23,18 +23,20 @@ class MemoryTrace(NamedTuple):
     attended: Tensor  # (T, ...) slot with the largest weight
     switches: Tensor  # (T, ...) changes of it so far
     reallocations: Tensor  # (T, ...) resets so far
+    reset: Tensor  # (T, ...) int64, slot that was reset in this step; -1: none
 
     @classmethod
-    def row(cls, read: Tensor, weights: Tensor, state: CellState) -> MemoryTrace:
-        """One step's signals, detached."""
+    def row(cls, before: CellState, seen: Attended, after: CellState) -> MemoryTrace:
+        """One step's signals, detached: `seen = cell.attend(x, before)`, then `cell.write`."""
         row = cls(
-            read,
-            weights,
-            state.mu,
-            state.active,
-            state.attended,
-            state.switches,
-            state.reallocations,
+            seen.read,
+            seen.weights,
+            after.mu,
+            after.active,
+            after.attended,
+            after.switches,
+            after.reallocations,
+            _reset_slot(before, seen.state),
         )
         return map_tensors(Tensor.detach, row)
 
@@ -56,10 +58,18 @@ class MemoryTrace(NamedTuple):
 
 
 def reallocation_log(trace: MemoryTrace, *index: int) -> dict[str, np.ndarray]:
-    """Steps and slots at which one batch member's slots were reset: `step` (K,), `slot` (K,).
+    """Steps and slots at which one batch member's slots were reset: `step` (K,), `slot` (K,)."""
+    reset = trace.member(*index)["reset"]
+    step = np.flatnonzero(reset >= 0)
+    return {"step": step, "slot": reset[step]}
 
-    A reset slot is the one attended right after; the first step counts from 0 resets.
+
+def _reset_slot(before: CellState, jumped: CellState) -> Tensor:
+    """The slot (...,) that a jump changed, where it counted a reset; else -1.
+
+    Under relaxed attention, which moves all a little, the one that it changed most.
     """
-    run = trace.member(*index)
-    step = np.flatnonzero(np.diff(run["reallocations"], prepend=0) > 0)
-    return {"step": step, "slot": run["attended"][step]}
+    moved = (jumped.mu - before.mu).abs().amax(dim=-1)
+    entered = jumped.active.to(moved.dtype) - before.active.to(moved.dtype)
+    slot = (moved + entered).argmax(dim=-1)
+    return torch.where(jumped.reallocations > before.reallocations, slot, -1)

@@ -62,6 +62,8 @@ def test_slot_permutation_permutes_the_weights(attention: str, rule: str) -> Non
     )
     torch.testing.assert_close(other.weights, out.weights[:, order], rtol=0, atol=1e-14)
     torch.testing.assert_close(other.read, out.read, rtol=0, atol=1e-13)
+    for mine, theirs in zip(out.d_memory, other.d_memory, strict=True):
+        torch.testing.assert_close(theirs, mine[:, order], rtol=0, atol=1e-13)
 
 
 @pairs
@@ -94,13 +96,18 @@ def test_jump_changes_at_most_one_slot_and_only_where_counted(attention: str, ru
 @pairs
 def test_gradients_reach_features_contents_and_write_gain(attention: str, rule: str) -> None:
     memory, (hidden, correction, context, state, mode) = setup(attention, rule)
-    (write_gain,) = memory.tune("write_gain")
+    constants = dict(zip(memory.constants(), memory.tune(*memory.constants()), strict=True))
     hidden = hidden.requires_grad_()
     state = MemoryState(state.mu.requires_grad_(), state.keys)
     out = memory(hidden, correction, context, state, mode)
     loss = out.read.square().sum() + out.d_memory.mu.square().sum()
-    gradients = torch.autograd.grad(loss, [write_gain, hidden, state.mu])
+    gradients = torch.autograd.grad(loss, [constants["write_gain"], hidden, state.mu])
     assert all(bool(torch.isfinite(g).all()) and bool((g != 0).any()) for g in gradients)
+    jumped, _ = memory.jump(hidden, context, state, mode)
+    loss = memory(hidden, correction, context, jumped, mode).read.square().sum()
+    every = torch.autograd.grad(loss, list(constants.values()), allow_unused=True)
+    for name, gradient in zip(constants, every, strict=True):  # unused slots leak no NaN
+        assert gradient is None or bool(torch.isfinite(gradient).all()), name
 
 
 @pairs

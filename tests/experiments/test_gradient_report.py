@@ -3,7 +3,6 @@
 import csv
 import json
 import math
-import sys
 from pathlib import Path
 
 import pytest
@@ -11,19 +10,14 @@ import pytest
 from experiments import gradient_report
 from experiments.elasticities import verdict
 from experiments.results import Interval
+from tests.experiments.command import exit_code
 
 SHORT = ["horizon=0.2", "draws=3", "horizons=[0.1]", "temperatures=[0.1]", "steps=[0.1]"]
 SHORT += ["solver.engine=torch"]  # nothing to compile
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    """Exit code of the command line."""
-    monkeypatch.setattr(sys, "argv", ["gradient_report", *arguments])
-    try:
-        gradient_report.main()
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
+    return exit_code(monkeypatch, gradient_report.main, *arguments)
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,6 @@
 
 import csv
 import json
-import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,20 +14,10 @@ from experiments.memory_config import RecallConfig
 from experiments.memory_report import verdict
 from experiments.online_learners import VARIANTS as LEARNERS
 from experiments.recall_models import VARIANTS, build_model, n_parameters, sequences, without_keys
+from tests.experiments.command import exit_code
 
 SHORT_REGRESSION = ["visit_length=1", "visits=2", "window=0.5", "dt=0.05", "seeds=2"]
 SHORT_RECALL = ["iterations=50", "longer=1", "seeds=2", "workers=1", "batch=2", "n_pairs=2"]
-
-
-def run(
-    monkeypatch: pytest.MonkeyPatch, main: Callable[[], None], name: str, *arguments: str
-) -> int:
-    monkeypatch.setattr(sys, "argv", [name, *arguments])
-    try:
-        main()
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
 
 
 @pytest.mark.parametrize(
@@ -40,8 +28,8 @@ def test_a_short_run_writes_everything(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: object, short: list[str], variants: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    folder, name = tmp_path / "run", module.__name__.split(".")[1]
-    assert run(monkeypatch, module.main, name, *short, "member=1", f"run_dir={folder}") == 0
+    folder = tmp_path / "run"
+    assert exit_code(monkeypatch, module.main, *short, "member=1", f"run_dir={folder}") == 0
     with open(folder / "table.csv") as file:
         rows = list(csv.DictReader(file))
     assert {row["variant"] for row in rows} == set(variants)
@@ -60,7 +48,7 @@ def test_a_short_run_writes_everything(
     assert {f"{v}/" for v in variants} == {
         tag.split("/")[0] + "/" for tag in logged.Tags()["scalars"] if tag.count("/") == 1
     }
-    assert run(monkeypatch, module.main, name, *short, f"run_dir={folder}") == 2
+    assert exit_code(monkeypatch, module.main, *short, f"run_dir={folder}") == 2
 
 
 @pytest.mark.parametrize(
@@ -86,7 +74,7 @@ def test_bad_input_is_one_line_and_code_2(
     said: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run(monkeypatch, module.main, "run", bad) == 2
+    assert exit_code(monkeypatch, module.main, bad) == 2
     message = capfd.readouterr().err
     assert said in message and len(message.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())

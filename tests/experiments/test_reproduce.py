@@ -3,7 +3,6 @@
 import csv
 import json
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +12,15 @@ from omegaconf import OmegaConf
 from experiments import reproduce, tables
 from experiments.claims import findings
 from experiments.cli import compose_job
+from experiments.conf_files import group_names
 from experiments.config import ReproduceConfig, RowConfig, SimulateConfig, TableConfig
 from experiments.golden import checks, golden_file
-from experiments.hydra_setup import group_names
 from experiments.jobs import JobResult, batches
 from experiments.masses import mass_schedule
 from experiments.plan import Job, plan
 from experiments.results import Results, interval
 from tests.conftest import GOLDEN
+from tests.experiments.command import exit_code
 
 WEIGHTS = f"initial.weights_file={GOLDEN / 'initial_weights.npz'}"
 
@@ -32,12 +32,7 @@ def config(*overrides: str) -> ReproduceConfig:
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    monkeypatch.setattr(sys, "argv", ["reproduce", *arguments])
-    try:
-        reproduce.main()
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
+    return exit_code(monkeypatch, reproduce.main, *arguments)
 
 
 def made_up(variant: str, scenarios: dict[str, list[list[float]]]) -> JobResult:

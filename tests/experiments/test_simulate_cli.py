@@ -1,9 +1,8 @@
 """The simulate command line, in this process."""
 
+import importlib
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,21 +12,18 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from experiments import simulate
-from experiments.hydra_setup import group_names
+from experiments import cli, simulate
+from experiments.conf_files import group_names
+from experiments.help_texts import HELP
 from tests.conftest import GOLDEN
+from tests.experiments.command import exit_code
 
+PICTURES = {"joint_angles", "features_and_read", "attention", "memory"}
 WEIGHTS = f"initial.weights_file={GOLDEN / 'initial_weights.npz'}"
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    """Exit code of the command line."""
-    monkeypatch.setattr(sys, "argv", ["simulate", *arguments])
-    try:
-        simulate.main()
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
+    return exit_code(monkeypatch, simulate.main, *arguments)
 
 
 @pytest.fixture
@@ -53,7 +49,7 @@ def test_a_run_leaves_everything_behind(folder: Path, monkeypatch: pytest.Monkey
         error = arrays["reference"] - arrays["q"]
         np.testing.assert_allclose(arrays["error"], error, atol=1e-14)
     pngs = {path.name for path in folder.glob("*.png")}
-    assert pngs == {"joint_angles.png", "features_and_read.png", "attention.png"}
+    assert pngs == {f"{name}.png" for name in PICTURES}
     assert not list(folder.rglob(".*.png.*"))
 
 
@@ -67,7 +63,7 @@ def test_tensorboard_holds_curves_figures_and_settings_in_one_run(
     tags = accumulator.Tags()
     assert {"draw0/error_1", "draw0/torque_2", "draw0/attended"} <= set(tags["scalars"])
     assert len(accumulator.Scalars("draw0/error_1")) == 11
-    assert set(tags["images"]) == {"joint_angles", "features_and_read", "attention"}
+    assert set(tags["images"]) == PICTURES
     assert "_hparams_/session_start_info" in accumulator.summary_metadata
     results = json.loads((folder / "metrics.json").read_text())["srmse"][0]
     assert accumulator.Scalars("metrics/srmse_1")[0].value == pytest.approx(results[0], rel=1e-6)
@@ -134,6 +130,8 @@ BAD = [
     ("initial.std=-1", "initial_std"),
     ("initial.draw=-1", "initial.draw"),
     ("output.sample_dt=0", "sample_dt"),
+    ("output.member=-1", "output.member"),
+    ("draws=2 output.member=2", "output.member"),
     ("speed=3", "speed"),
     ("+speed=3", "unknown setting 'speed'"),
     ("+plant.colour=red", "unknown setting 'plant.colour'"),
@@ -308,11 +306,20 @@ def test_random_bad_values_never_raise_or_leave_a_folder(
     assert not folder.exists()
 
 
-def test_help_lists_scenarios_and_controllers() -> None:
-    command = [sys.executable, "-m", "experiments.simulate", "--help"]
-    root = Path(simulate.__file__).parent.parent
-    out = subprocess.run(command, capture_output=True, text=True, check=True, cwd=root).stdout
-    assert all(name in out for name in group_names("scenario") + group_names("controller"))
+@pytest.mark.parametrize("command", HELP)
+def test_help_says_what_for_and_its_examples_compose(
+    command: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    main = importlib.import_module(f"experiments.{command}").main
+    assert exit_code(monkeypatch, main, "--help") == 0
+    out, said = capfd.readouterr().out, HELP[command]
+    assert out.startswith(said.purpose)
+    assert all(name in out for group in said.groups for name in group_names(group))
+    assert all(name in out for names in said.choices().values() for name in names)
+    for example in said.examples.values():
+        assert example in out
+        for overrides in cli._jobs(cli._quote_numeric_names(example.split())):
+            cli.compose_job(command, overrides)
 
 
 def test_run_folders_of_runs_started_at_once_differ() -> None:

@@ -13,6 +13,7 @@ import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from experiments import checkpoints, tune
+from tests.experiments.command import exit_code
 
 #: The torch engine has nothing to compile.
 SHORT = ["horizon=0.08", "effort_after=0.02", "train.draws=[0,1]", "held_out.draws=[2,3]"]
@@ -21,13 +22,7 @@ SMALL = [*SHORT, "grid=null", "names=[write_gain,error_gain]"]
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    """Exit code of the command line."""
-    monkeypatch.setattr(sys, "argv", ["tune", *arguments])
-    try:
-        tune.main()
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
+    return exit_code(monkeypatch, tune.main, *arguments)
 
 
 @pytest.fixture

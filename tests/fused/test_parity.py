@@ -11,8 +11,8 @@ from omegaconf import OmegaConf
 import mann_torch as mt
 from experiments.build import Experiment, build
 from experiments.cli import compose_job
+from experiments.conf_files import group_names
 from experiments.config import SimulateConfig
-from experiments.hydra_setup import group_names
 from mann_torch.trees import leaves
 from mann_torch.types import NetworkState
 from tests.conftest import GOLDEN, randn

@@ -222,6 +222,37 @@ def test_trace_logs_what_a_member_did() -> None:
     run = trace.member(1)
     assert run["mu"].shape == (60, S, N) and run["weights"].shape == (60, S)
     assert (run["weights"][log["step"], log["slot"]] == 1).all()
+    resumed = sequence.trace(x[30:], sequence(x[:30])[1].detach())
+    later = mt.memory.reallocation_log(resumed, 1)
+    for name, shift in (("step", 30), ("slot", 0)):
+        whole = log[name][log["step"] >= 30]
+        assert (later[name] + shift == whole).all() and len(later[name]) == len(whole) > 0
+
+
+def test_the_log_names_the_slot_that_was_reset_where_another_is_attended() -> None:
+    cell = make_cell("reallocating_always", key_rule=mt.StateKeys())
+    x = 4 * randn(WIDTH)
+    start = cell.initial_state()
+    keys = x.expand(S, WIDTH)  # every key as near as a fresh one: slot 0 stays attended
+    start = start._replace(keys=keys, active=torch.ones(S, dtype=torch.bool))
+    trace = mt.MemorySequence(cell).trace(x.unsqueeze(0), start)
+    farthest = (cell.features(x) - start.mu / 0.75).abs().amax(-1).argmax()
+    assert int(trace.attended[0]) == 0 != int(farthest)
+    assert mt.memory.reallocation_log(trace)["slot"].tolist() == [int(farthest)]
+
+
+def test_a_sequence_takes_a_step_length_for_each_sample() -> None:
+    sequence, x = mt.MemorySequence(make_cell(), batch_first=True), randn(3, 5, WIDTH)
+    dt = torch.rand(3, 5, dtype=torch.float64)
+    dt[0, 2:] = 0.0  # a shorter sequence in the batch
+    outputs, state = sequence(x, dt=dt)
+    alone, last = sequence(x[:1, :2], dt=dt[:1, :2])
+    torch.testing.assert_close(outputs[:1, :2], alone, rtol=0, atol=1e-15)
+    torch.testing.assert_close(state.mu[:1], last.mu, rtol=0, atol=1e-15)
+    assert torch.equal(sequence.trace(x, dt=dt).mu[-1], state.mu)
+    for wrong in (dt[:, 1:], torch.tensor(1.0)):
+        with pytest.raises(mt.ShapeError, match=r"dt has shape .*\(B, T\)"):
+            sequence(x, dt=wrong)
 
 
 @pytest.mark.slow
