@@ -32,7 +32,7 @@ def memory_figure(
     """
     columns = min(COLUMNS, len(runs))
     blocks = -(-len(runs) // columns)
-    figure = Figure(figsize=(5.2 * columns, 5.2 * blocks + 0.4), layout="constrained")
+    figure = Figure(figsize=(max(8.0, 5.2 * columns), 5.2 * blocks + 0.4), layout="constrained")
     axes = figure.subplots(2 * blocks, columns, squeeze=False, height_ratios=(1, 2) * blocks)
     for place, (name, run) in enumerate(runs.items()):
         block, column = divmod(place, columns)

@@ -32,8 +32,8 @@ class MemorySequence(nn.Module):
         """Outputs of every step and the last state; starts from `initial_state` if none is given.
 
         `dt` (T, ...), or (B, T) with `batch_first`, gives every step its own length, (T,) the same
-        for all: samples at uneven times, or 0 where nothing is to be written. Raises `ShapeError` for a sequence
-        without a step.
+        for all: samples at uneven times, or 0 where nothing is to be written. Raises `ShapeError`
+        for a sequence without a step.
         """
         steps, state = self._begin(x, state, dt)
         outputs = []
