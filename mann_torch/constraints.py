@@ -8,7 +8,7 @@ they are set through this module; reading one costs nothing.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, cast
 
 import torch
@@ -38,6 +38,8 @@ class Domain(ABC):
 
     def check(self, name: str, value: Tensor) -> Tensor:
         """Return `value`, or raise `DomainError` naming the constant and its domain."""
+        if value.is_meta:  # a module built without storage has no values yet
+            return value
         if not bool(torch.isfinite(value).all()) or not self.contains(value):
             shown = value.detach().tolist()
             raise DomainError(f"{name} = {shown} is outside its domain: must be {self.text}")
@@ -95,7 +97,7 @@ def _checked(name: str, value: Numbers, domain: Domain, event_shape: torch.Size)
 
 
 class DesignModule(nn.Module):
-    """A module that owns design constants."""
+    """A module that owns design constants. What it holds stays float64 under `.float()`."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -116,15 +118,23 @@ class DesignModule(nn.Module):
                     yield name, module
 
     def owner(self, name: str) -> DesignModule:
-        """The part that holds the constant `name`; raises `ConfigError` if there is none."""
-        owners = dict(self._owners())
-        if name not in owners:
-            raise ConfigError(f"no design constant '{name}'; choose from {', '.join(owners)}")
-        return owners[name]
+        """The part that holds the constant `name`; `ConfigError` if not just one does."""
+        owners = list(self._owners())
+        found = [owner for known, owner in owners if known == name]
+        if not found:
+            known = ", ".join(name for name, _ in owners)
+            raise ConfigError(f"no design constant '{name}'; choose from {known}")
+        if len(found) > 1:
+            parts = ", ".join(type(owner).__name__ for owner in found)
+            raise ConfigError(f"'{name}' is a design constant of {parts}: address one of them")
+        return found[0]
 
     def constants(self) -> dict[str, nn.Parameter]:
-        """Every design constant of this module and its parts, by name."""
-        return {name: owner.constant(name) for name, owner in self._owners()}
+        """Every design constant of this module and its parts, by name.
+
+        Raises `ConfigError` where two parts use one name.
+        """
+        return {name: self.constant(name) for name, _ in self._owners()}
 
     def constant(self, name: str) -> nn.Parameter:
         """The constant `name`, wherever it lives; raises `ConfigError` if there is none."""
@@ -141,17 +151,21 @@ class DesignModule(nn.Module):
         Raises `ConfigError` for an unknown name, `DomainError` for a value outside the domain and
         `ShapeError` for a matrix-valued constant of the wrong size.
         """
-        checked: list[tuple[str, DesignModule, Tensor]] = []
-        for name, value in values.items():
-            owner = self.owner(name)
-            domain = owner._domains[name]
-            old = self.constant(name).shape
-            event_shape = old[len(old) - domain.event_dims :]
-            checked.append((name, owner, _checked(name, value, domain, event_shape)))
-        for name, owner, new in checked:
-            grad = self.constant(name).requires_grad
-            owner.__dict__.pop(name, None)  # a tensor that was shared
-            owner.register_parameter(name, nn.Parameter(new, requires_grad=grad))
+        owners = {name: self.owner(name) for name in values}
+        checked = {name: owners[name]._accepted(name, value) for name, value in values.items()}
+        for name, new in checked.items():
+            owners[name]._replace(name, new)
+
+    def _accepted(self, name: str, value: Numbers) -> Tensor:
+        """A new value for our constant `name`, checked, where the old one is."""
+        domain, old = self._domains[name], cast(Tensor, getattr(self, name))
+        event_shape = old.shape[old.dim() - domain.event_dims :]
+        return _checked(name, value, domain, event_shape).to(old.device)
+
+    def _replace(self, name: str, value: Tensor) -> None:
+        grad = cast(Tensor, getattr(self, name)).requires_grad
+        self.__dict__.pop(name, None)  # a tensor that was shared
+        self.register_parameter(name, nn.Parameter(value, requires_grad=grad))
 
     def share(self, name: str, tensor: Tensor) -> None:
         """Let the constant `name` be this very tensor, so that gradients reach it. Checked."""
@@ -172,18 +186,19 @@ class DesignModule(nn.Module):
         for parameter in chosen:
             parameter.requires_grad_(True)
         for name, parameter in zip(names, chosen, strict=True):
-            parameter.register_hook(self.domain(name).project_gradient)
+            if self.domain(name).event_dims:
+                parameter.register_hook(self.domain(name).project_gradient)
         return chosen
 
     def check(self) -> None:
         """Raise `DomainError` if a constant has left its domain, by an optimizer's step, say."""
         for name, owner in self._owners():
-            owner._domains[name].check(name, self.constant(name).detach())
+            owner._domains[name].check(name, getattr(owner, name).detach())
 
     def batch_shape(self) -> torch.Size:
         """Batch shape of all constants together. Raises `ShapeError` if they do not broadcast."""
         shapes = {
-            name: self.constant(name).shape[: -owner._domains[name].event_dims or None]
+            name: getattr(owner, name).shape[: -owner._domains[name].event_dims or None]
             for name, owner in self._owners()
         }
         try:
@@ -202,5 +217,16 @@ class DesignModule(nn.Module):
             self._domains[name].check(name, as_float64(value, name).detach())
         mine = {name: self._parameters[name] for name in saved if name in self._parameters}
         same = {n for n, p in mine.items() if p is not None and p.shape == saved[n].shape}
-        self.initialize(**{name: v for name, v in saved.items() if name not in same})
+        checked = {n: self._accepted(n, v) for n, v in saved.items() if n not in same}
+        for name, value in checked.items():
+            self._replace(name, value)
         super()._load_from_state_dict(state_dict, prefix, *arguments)
+
+    def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Any:
+        """`.to(device)` moves; `.float()` and the like leave what is float64 as it is."""
+
+        def keep(tensor: Tensor) -> Tensor:
+            moved = fn(tensor)
+            return moved if moved.dtype == tensor.dtype else tensor.to(moved.device)
+
+        return super()._apply(keep, recurse)

@@ -110,8 +110,7 @@ def pick(condition: Tensor, new: Tensor, old: Tensor) -> Tensor:
 
 
 def blend(degree: Tensor, new: Tensor, old: Tensor) -> Tensor:
-    """`old` moved to `new` by a degree (...,) in [0, 1]; a boolean one picks, as `pick`."""
+    """`old` moved to `new` by a degree in [0, 1]; a boolean one picks. All three broadcast."""
     if degree.dtype == torch.bool:
-        return pick(degree, new, old)
-    share = degree.reshape(degree.shape + (1,) * (new.dim() - degree.dim()))
-    return (1.0 - share) * old + share * new
+        return torch.where(degree, new, old)
+    return (1.0 - degree) * old + degree * new

@@ -8,8 +8,21 @@ from typing import Any, Generic, TypeVar
 
 import torch
 from torch import Tensor
+from torch.utils import _pytree as pytree
 
 Tree = TypeVar("Tree")
+Kind = TypeVar("Kind", bound=type)
+
+
+def portable(kind: Kind) -> Kind:
+    """Let a NamedTuple of tensors be loaded with `weights_only=True` and saved by `torch.export`.
+
+    A class decorator.
+    """
+    torch.serialization.add_safe_globals([kind])
+    # The public registration is for dataclasses only.
+    pytree._register_namedtuple(kind, serialized_type_name=f"{kind.__module__}.{kind.__qualname__}")
+    return kind
 
 
 def leaves(tree: Any) -> list[Tensor]:

@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 
 from torch import Tensor
 
+from .trees import portable
+
 
 class Measurement(NamedTuple):
     """What the controller sees of the plant (paper: x, dx/dt)."""
@@ -28,6 +30,7 @@ class ReferenceSample(NamedTuple):
     qdd: Tensor  # (..., n) [rad/s^2]
 
 
+@portable
 class PlantState(NamedTuple):
     """State of the arm."""
 
@@ -35,6 +38,7 @@ class PlantState(NamedTuple):
     qd: Tensor  # (..., n) [rad/s]
 
 
+@portable
 class NetworkState(NamedTuple):
     """Adaptive weights. They are state, not parameters: the update law moves them."""
 
@@ -44,6 +48,7 @@ class NetworkState(NamedTuple):
     b_v: Tensor  # (..., N) inner bias
 
 
+@portable
 class MemoryState(NamedTuple):
     """Contents and keys of the working memory."""
 
@@ -51,6 +56,7 @@ class MemoryState(NamedTuple):
     keys: Tensor  # (..., S, D) keys with a motion of their own; D = 0 if there are none
 
 
+@portable
 class MemoryMode(NamedTuple):
     """What is frozen while the loop flows and changed by jumps.
 
@@ -86,6 +92,7 @@ class Comparison(NamedTuple):
     scale: Tensor  # (...,) or scalar: c_w for representation keys, 1 for state keys
 
 
+@portable
 class MemoryOutput(NamedTuple):
     """What one evaluation of the working memory gives."""
 
@@ -110,6 +117,7 @@ class TrackingError(NamedTuple):
     filtered_error: Tensor  # (..., n) [rad/s]
 
 
+@portable
 class ControllerState(NamedTuple):
     """All adaptive state of the controller; `memory` is None for the plain network."""
 
@@ -151,6 +159,7 @@ class Linearization(NamedTuple):
     drift: Tensor  # (..., n) [rad/s^3]
 
 
+@portable
 class LoopState(NamedTuple):
     """State of plant and controller together: what an ODE solver integrates."""
 

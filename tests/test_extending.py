@@ -14,7 +14,7 @@ import torch
 import mann_torch as mt
 from mann_torch.memory import KEY_RULES
 from tests import conftest
-from tests.contracts import test_cell_contract, test_memory_contract
+from tests.contracts import test_cell_contract, test_cell_inputs, test_memory_contract
 
 
 def _args(function: object) -> tuple[str, ...]:
@@ -24,7 +24,7 @@ def _args(function: object) -> tuple[str, ...]:
 PAGE = (Path(__file__).parent.parent / "docs" / "extending.md").read_text()
 CHECKS: dict[str, Callable[[str, str], None]] = {
     f"{module.__name__.rsplit('_', 2)[1]}-{name}": check
-    for module in (test_memory_contract, test_cell_contract)
+    for module in (test_memory_contract, test_cell_contract, test_cell_inputs)
     for name, check in vars(module).items()
     if name.startswith("test_") and {"attention", "rule"} <= set(_args(check))
 }
@@ -56,7 +56,7 @@ def test_the_pages_parts_meet_the_contract(name: str, attention: str, rule: str)
 
 
 def test_the_contract_has_not_shrunk() -> None:
-    assert len(CHECKS) >= 14
+    assert len(CHECKS) >= 22
 
 
 def test_the_page_shows_a_gradient_and_two_slots(page: dict[str, Any]) -> None:

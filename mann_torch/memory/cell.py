@@ -9,11 +9,12 @@ import torch
 from torch import Tensor, nn
 
 from ..constraints import DesignModule, Positive
-from ..errors import ConfigError, DtypeError, ShapeError
+from ..errors import DtypeError
 from ..functional import Numbers
 from ..types import MemoryOutput, MemoryState
 from .attention import Attention
-from .cell_state import Attended, CellState, check_state, state_of
+from .cell_state import Attended, CellState, check_state, even, state_of
+from .checks import Sizes, autocast_is_on, check_tensor, check_within, common_batch, sizes, whole
 from .keys import KeyRule
 from .soft import SoftAttention
 from .stepping import exponential_step
@@ -32,7 +33,8 @@ class MemoryCell(DesignModule):
        held: mu_i += (1 - exp(-w_r(i) dt)) (c_w sigma + W h_e' - mu_i), its exact solution, stable
        at any dt; the same for state keys. A key rule without `rate` takes Euler's step.
 
-    It returns h_o (..., N), or with `output_size` the paper's W'(sigma + h_o) + b_w.
+    It returns h_o (..., N), or with `output_size` W'(sigma + h_o) + b_w, what the paper's network
+    estimates (its control signal u_ad, eq. nnoutput, is minus this).
 
     `key_rule` as in `WorkingMemory`; state keys compare x, or `context_size` numbers that a linear
     layer makes of it. `features` replaces the first layer: any module (..., input_size) ->
@@ -75,18 +77,16 @@ class MemoryCell(DesignModule):
         dtype: torch.dtype | None = None,
     ) -> None:
         super().__init__()
-        for name, size in (
-            ("input_size", input_size),
-            ("context_size", 1 if context_size is None else context_size),
-            ("output_size", 1 if output_size is None else output_size),
-        ):
-            if size < 1:
-                raise ConfigError(f"{name} = {size}: must be at least 1")
-        double = torch.float64
+        double, input_size = torch.float64, whole("input_size", input_size)
+        hidden_size, n_slots = whole("hidden_size", hidden_size), whole("n_slots", n_slots)
+        if context_size is not None:
+            context_size = whole("context_size", context_size)
+        if output_size is not None:
+            output_size = whole("output_size", output_size)
         self.input_size, self.hidden_size, self.n_slots = input_size, hidden_size, n_slots
         self.dtype = torch.get_default_dtype() if dtype is None else dtype
-        if not self.dtype.is_floating_point:
-            raise DtypeError(f"dtype = {self.dtype}: must be a floating-point dtype")
+        if not isinstance(self.dtype, torch.dtype) or not self.dtype.is_floating_point:
+            raise DtypeError(f"dtype = {self.dtype}: must be a floating-point torch.dtype")
         attention = SoftAttention() if attention is None else attention
         width = input_size if context_size is None else context_size
         self.memory = WorkingMemory(
@@ -111,8 +111,8 @@ class MemoryCell(DesignModule):
 
     def initial_state(self, batch_shape: Sequence[int] | int = ()) -> CellState:
         """State before the first step: `slots` and `slot_keys`, or what `memory.store_` kept."""
-        batch = (batch_shape,) if isinstance(batch_shape, int) else tuple(batch_shape)
-        memory = self.memory
+        memory, shape = self.memory, sizes("batch_shape", batch_shape)
+        batch = common_batch({"batch_shape": shape, "constants": tuple(self.batch_shape())})
         mu = torch.where(memory.has_contents, memory.initial_mu, self.slots)
         keys = torch.where(memory.has_contents, memory.initial_keys, self.slot_keys)
         start = MemoryState(mu.expand(*batch, -1, -1), keys.expand(*batch, -1, -1))
@@ -128,39 +128,48 @@ class MemoryCell(DesignModule):
     def forward(
         self,
         x: Tensor,
-        state: CellState,
+        state: CellState | None = None,
         correction: Tensor | None = None,
-        dt: Tensor | None = None,
+        dt: Tensor | float | None = None,
     ) -> tuple[Tensor, CellState]:
         """Read h_o (..., N), or output (..., output_size), and the next state.
 
-        x (..., input_size); `correction` is W h_e' (..., N), none if not given; `dt` (...,) >= 0
-        replaces the constant for this step, for samples at uneven times. Leading dimensions
-        broadcast.
+        x (..., input_size); without a `state`, `initial_state`; `correction` is W h_e' (..., N),
+        none if not given; `dt` (...,) >= 0, in the constant's unit, replaces it for this step, for
+        samples at uneven times (its sign is not checked). Leading dimensions of x and state
+        broadcast, and those of the others to them.
+
+        Raises `ShapeError`, `DtypeError`, or `ConfigError` for a state of another kind.
         """
+        if state is None:
+            state = self.initial_state(check_tensor("x", x, (self.input_size,), None))
         seen = self.attend(x, state, dt)
         return self.output_of(seen), self.write(seen, correction)
 
-    def attend(self, x: Tensor, state: CellState, dt: Tensor | None = None) -> Attended:
-        """Jump and read, the first half of a step: for a correction that depends on the read."""
+    def attend(self, x: Tensor, state: CellState, dt: Tensor | float | None = None) -> Attended:
+        """Jump and read, the first half of a step: for a correction that depends on the read.
+
+        Raises as `forward`.
+        """
         hidden, context = self._look(x, state)
+        span = self.dt if dt is None else self._span(dt, x, state)
         memory, mode = self.memory.reallocate(hidden, context, state.memory, state.mode)
         out = self.memory(hidden, torch.zeros_like(hidden), context, memory, mode)
         after = state_of(memory, self.memory.note(out.weights, mode))
-        span = self._pace(x) * (self.dt if dt is None else dt)
-        return Attended(out.read, out.weights, hidden, context, out.d_memory, span, after)
+        pace = self._pace(x)
+        return Attended(out.read, out.weights, hidden, context, out.d_memory, pace * span, after)
 
     def write(self, seen: Attended, correction: Tensor | None = None) -> CellState:
-        """The second half: the write law over dt with the weights held."""
+        """The second half: the write law over dt with the weights held. Raises as `forward`."""
         memory, change = seen.state.memory, seen.d_memory
         if correction is not None:
             mode = seen.state.mode._replace(held=seen.weights)
-            bent = self._correction(correction)
+            bent = self._correction(correction, tuple(seen.weights.shape[:-1]))
             change = self.memory(seen.hidden, bent, seen.context, memory, mode).d_memory
         rate = self.memory.key_rule.rate(seen.weights)
         mu = exponential_step(memory.mu, change.mu, seen.weights, seen.dt)
         keys = exponential_step(memory.keys, change.keys, rate, seen.dt)
-        return seen.state._replace(mu=mu, keys=keys)
+        return even(seen.state._replace(mu=mu, keys=keys))
 
     def output_of(self, seen: Attended) -> Tensor:
         """h_o (..., N), or W'(sigma + h_o) + b_w (..., output_size), in `dtype`."""
@@ -170,10 +179,12 @@ class MemoryCell(DesignModule):
     def flow(self, x: Tensor, state: CellState, correction: Tensor | None = None) -> MemoryOutput:
         """Read, weights and d memory/dt at x (..., I), float64: the cell as a term of an ODE.
 
-        Nothing jumps: put `jump` between the pieces that a solver integrates.
+        Nothing jumps: put `jump` between the pieces that a solver integrates. Raises as `forward`.
         """
         hidden, context = self._look(x, state)
-        bent = torch.zeros_like(hidden) if correction is None else self._correction(correction)
+        bent = torch.zeros_like(hidden)
+        if correction is not None:
+            bent = self._correction(correction, self._batch(x, state))
         out = self.memory(hidden, bent, context, state.memory, state.mode)
         pace = self._pace(x).unsqueeze(-1).unsqueeze(-1)
         rates = MemoryState(pace * out.d_memory.mu, pace * out.d_memory.keys)
@@ -186,29 +197,40 @@ class MemoryCell(DesignModule):
         return self.flow(x, state, correction).d_memory
 
     def jump(self, x: Tensor, state: CellState) -> CellState:
-        """Attention's decisions alone: reallocation, and which slot is attended now."""
+        """Attention's decisions alone: reallocation, and which slot is attended now.
+
+        Raises as `forward`.
+        """
         hidden, context = self._look(x, state)
         return state_of(*self.memory.jump(hidden, context, state.memory, state.mode))
 
     def _look(self, x: Tensor, state: CellState | None = None) -> tuple[Tensor, Tensor]:
         """The way in: features and context, float64, of an x and a state that fit."""
-        if x.dtype != self.dtype:
+        check_tensor("x", x, (self.input_size,), None)
+        if x.dtype != self.dtype and not autocast_is_on(x.device):
             raise DtypeError(
                 f"x is {x.dtype}, this cell takes {self.dtype}: convert x, or the cell with "
                 f".to({x.dtype})"
             )
-        if x.dim() < 1 or x.shape[-1] != self.input_size:
-            raise ShapeError(f"x has shape {tuple(x.shape)}, not (..., {self.input_size})")
         if state is not None:
-            check_state(x, state, self.slots.shape, self.slot_keys.shape)
+            self._batch(x, state)
         x = x.to(torch.float64)
         return self.features(x), self.context(x)
 
-    def _correction(self, correction: Tensor) -> Tensor:
-        if correction.dim() < 1 or correction.shape[-1] != self.hidden_size:
-            raise ShapeError(
-                f"correction has shape {tuple(correction.shape)}, not (..., {self.hidden_size})"
-            )
+    def _batch(self, x: Tensor, state: CellState) -> Sizes:
+        """The batch shape of x and a checked state together."""
+        tails = (tuple(self.slots.shape), tuple(self.slot_keys.shape), (self.n_slots,), (), (), ())
+        held = check_state(state, tails, self.memory.attention.graded)
+        return common_batch({"x": tuple(x.shape[:-1]), "state": held})
+
+    def _span(self, dt: Tensor | float, x: Tensor, state: CellState) -> Tensor:
+        span = torch.as_tensor(dt, dtype=torch.float64) if isinstance(dt, int | float) else dt
+        check_within("dt", check_tensor("dt", span, (), None), self._batch(x, state))
+        return span.to(torch.float64)
+
+    def _correction(self, correction: Tensor, batch: Sizes) -> Tensor:
+        found = check_tensor("correction", correction, (self.hidden_size,), None)
+        check_within("correction", found, batch)
         return correction.to(torch.float64)
 
     def _pace(self, x: Tensor) -> Tensor:
@@ -221,9 +243,4 @@ class MemoryCell(DesignModule):
         asked = {fn(torch.zeros((), dtype=kind)).dtype for kind in (torch.float32, torch.float64)}
         if len(asked) == 1:
             (self.dtype,) = asked
-
-        def keep(tensor: Tensor) -> Tensor:
-            moved = fn(tensor)
-            return moved if moved.dtype == tensor.dtype else tensor.to(moved.device)
-
-        return super()._apply(keep, recurse)
+        return super()._apply(fn, recurse)

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from ..errors import ConfigError, DtypeError, ShapeError
+from ..errors import ConfigError, ShapeError
+from ..trees import portable
 from ..types import MemoryMode, MemoryState
+from .checks import Sizes, check_tensor
+
+#: Event dimensions of a state's leaves.
+RANKS = (2, 2, 1, 0, 0, 0)
 
 
+@portable
 class CellState(NamedTuple):
     """All that a cell carries from one step to the next; nothing but tensors."""
 
@@ -49,21 +56,38 @@ class Attended(NamedTuple):
 
 
 def state_of(memory: MemoryState, mode: MemoryMode) -> CellState:
-    """Memory and mode as one flat state."""
-    return CellState(*memory, *mode[:4])
+    """Memory and mode as one flat state, all leaves of one batch shape."""
+    return even(CellState(*memory, *mode[:4]))
 
 
-def check_state(x: Tensor, state: CellState, mu: torch.Size, keys: torch.Size) -> None:
-    """Raise for a state that does not fit x (..., I) and contents (S, N) with keys (S, D)."""
+def even(state: CellState) -> CellState:
+    """Every leaf with the same batch shape: that of all together."""
+    shapes = [leaf.shape[: leaf.dim() - rank] for leaf, rank in zip(state, RANKS, strict=True)]
+    if all(shape == shapes[0] for shape in shapes):
+        return state
+    batch = torch.broadcast_shapes(*shapes)
+    return CellState(
+        *(
+            leaf.expand(*batch, *leaf.shape[leaf.dim() - rank :])
+            for leaf, rank in zip(state, RANKS, strict=True)
+        )
+    )
+
+
+def check_state(state: CellState, tails: Sequence[Sizes], graded: bool) -> Sizes:
+    """Batch shape of a state whose leaves end in `tails`, in their order.
+
+    Raises `ConfigError` for what is no state, `ShapeError`, `DtypeError` for a leaf that does not
+    fit.
+    """
     if not isinstance(state, CellState):
         raise ConfigError(f"state is {type(state).__name__}, not CellState: use initial_state")
-    if state.mu.dtype != torch.float64 or state.keys.dtype != torch.float64:
-        raise DtypeError(f"state is {state.mu.dtype}; a cell's state is always float64")
-    for name, leaf, tail in (("mu", state.mu, mu), ("keys", state.keys, keys)):
-        if leaf.shape[-2:] != tail:
-            raise ShapeError(
-                f"state.{name} has shape {tuple(leaf.shape)}, not (..., {tuple(tail)})"
-            )
-    batches = x.shape[:-1], state.mu.shape[:-2]
-    if any(a != b and 1 not in (a, b) for a, b in zip(*map(reversed, batches), strict=False)):
-        raise ShapeError(f"batch shapes of x and state do not fit: {batches}")
+    double, count = torch.float64, torch.int64
+    dtypes = (double, double, double if graded else torch.bool, count, count, count)
+    batch: Sizes | None = None
+    for name, leaf, tail, dtype in zip(state._fields, state, tails, dtypes, strict=True):
+        found = check_tensor(f"state.{name}", leaf, tail, dtype)
+        if batch is not None and found != batch:
+            raise ShapeError(f"batch shapes do not fit: state.mu {batch}, state.{name} {found}")
+        batch = found
+    return batch or ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 from typing import TypeVar, cast
 
 import torch
@@ -25,20 +26,24 @@ def relaxed(module: Module, temperature: Numbers) -> Module:
 
     It has the very constants and buffers of `module`: gradients land on the same `.grad`. Where
     nothing is to be relaxed (no memory, or soft attention, which is smooth), `module` itself.
-    Values given to `initialize` later may not reach both: relax what has its values.
+    It is another view of `module`, not a copy: parts that are not on the way to its attention are
+    the same objects, with their hooks and train or eval mode. Values given to `initialize` later
+    may not reach both: relax what has its values, dtype and device.
 
     T is a float, or a float64 tensor of shape (...,); one that requires grad gets its gradient.
 
     Raises `DomainError` for T <= 0, `ConfigError` for attention of an unknown kind.
     """
     Positive().check("temperature", as_float64(temperature, "temperature").detach())
-    return cast(Module, _exchanged(module, temperature))
+    held = itertools.chain(module.parameters(), module.buffers())
+    device = next((tensor.device for tensor in held), torch.device("cpu"))
+    return cast(Module, _exchanged(module, temperature, device))
 
 
-def _exchanged(module: nn.Module, temperature: Numbers) -> nn.Module:
+def _exchanged(module: nn.Module, temperature: Numbers, device: torch.device) -> nn.Module:
     if isinstance(module, Attention):
-        return _attention(module, temperature)
-    parts = {name: _exchanged(part, temperature) for name, part in module.named_children()}
+        return _attention(module, temperature, device)
+    parts = {name: _exchanged(part, temperature, device) for name, part in module.named_children()}
     if all(part is module._modules[name] for name, part in parts.items()):
         return module
     twin = copy.copy(module)  # its dictionaries of parameters and buffers are the same
@@ -46,14 +51,14 @@ def _exchanged(module: nn.Module, temperature: Numbers) -> nn.Module:
     return twin
 
 
-def _attention(attention: Attention, temperature: Numbers) -> Attention:
+def _attention(attention: Attention, temperature: Numbers, device: torch.device) -> Attention:
     kind = type(attention)
     if kind is SoftAttention:
         return attention
     if kind not in (HardAttention, ReallocatingAttention, RelaxedAttention):
         raise ConfigError(f"{kind.__name__} has no relaxed form")
     phase = getattr(attention, "phase", None)
-    found = RelaxedAttention(temperature, phase)
+    found = RelaxedAttention(temperature, phase).to(device)
     if isinstance(temperature, torch.Tensor) and temperature.requires_grad:
         found.share("temperature", temperature)
     if phase is not None:

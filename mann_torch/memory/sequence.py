@@ -5,16 +5,18 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from ..errors import ShapeError
+from ..errors import ConfigError, ShapeError
 from .cell import MemoryCell
 from .cell_state import CellState
+from .checks import check_tensor
 from .telemetry import MemoryTrace
 
 
 class MemorySequence(nn.Module):
     """`outputs, state = sequence(x)` over a whole sequence.
 
-    x is (T, ..., I), or (B, T, I) with `batch_first`, as in `nn.LSTM`; outputs likewise.
+    x is (T, ..., I), or (B, T, I) with `batch_first`, as in `nn.LSTM`; outputs likewise. Raises
+    `ConfigError` for what is no `MemoryCell`.
 
     >>> sequence = MemorySequence(MemoryCell(3, 8), batch_first=True)
     >>> outputs, state = sequence(torch.zeros(2, 50, 3))
@@ -24,6 +26,8 @@ class MemorySequence(nn.Module):
 
     def __init__(self, cell: MemoryCell, batch_first: bool = False) -> None:
         super().__init__()
+        if not isinstance(cell, MemoryCell):
+            raise ConfigError(f"cell is {type(cell).__name__}: give a MemoryCell")
         self.cell, self.batch_first = cell, batch_first
 
     def forward(
@@ -40,7 +44,7 @@ class MemorySequence(nn.Module):
         for now, span in steps:
             output, state = self.cell(now, state, dt=span)
             outputs.append(output)
-        return torch.stack(outputs, dim=1 if self.batch_first else 0), state
+        return torch.stack(outputs, dim=1 if self._swaps(x) else 0), state
 
     @torch.no_grad()
     def trace(
@@ -56,14 +60,17 @@ class MemorySequence(nn.Module):
             state = after
         return MemoryTrace.stack(rows)
 
+    def _swaps(self, x: Tensor) -> bool:
+        return self.batch_first and x.dim() > 2  # as nn.LSTM: (T, I) has no batch
+
     def _begin(
         self, x: Tensor, state: CellState | None, dt: Tensor | None
     ) -> tuple[list[tuple[Tensor, Tensor | None]], CellState]:
         """Each step's x and dt, and the state before the first."""
-        if x.dim() < 2 or (self.batch_first and x.dim() < 3):
-            form = "(B, T, I)" if self.batch_first else "(T, ..., I)"
-            raise ShapeError(f"x has shape {tuple(x.shape)}; a sequence is {form}")
-        x = x.transpose(0, 1) if self.batch_first else x
+        check_tensor("x", x, (self.cell.input_size,), None)
+        if x.dim() < 2:
+            raise ShapeError(f"x has shape {tuple(x.shape)}; a sequence is (T, ..., I)")
+        x = x.transpose(0, 1) if self._swaps(x) else x
         if len(x) == 0:
             raise ShapeError("a sequence needs at least one step")
         state = self.cell.initial_state(x.shape[1:-1]) if state is None else state

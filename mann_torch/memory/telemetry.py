@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..errors import ShapeError
 from ..trees import map_tensors
 from .cell_state import Attended, CellState
 
@@ -19,6 +20,7 @@ class MemoryTrace(NamedTuple):
     read: Tensor  # (T, ..., N) h_o
     weights: Tensor  # (T, ..., S) w_r
     mu: Tensor  # (T, ..., S, N) contents after the step
+    keys: Tensor  # (T, ..., S, D) keys after the step
     active: Tensor  # (T, ..., S) slots in use
     attended: Tensor  # (T, ...) slot with the largest weight
     switches: Tensor  # (T, ...) changes of it so far
@@ -32,6 +34,7 @@ class MemoryTrace(NamedTuple):
             seen.read,
             seen.weights,
             after.mu,
+            after.keys,
             after.active,
             after.attended,
             after.switches,
@@ -48,11 +51,18 @@ class MemoryTrace(NamedTuple):
     def member(self, *index: int) -> dict[str, np.ndarray]:
         """One batch member's signals as arrays (T, .), by name; no index where there is no batch.
 
+        Raises `ShapeError` for an index that names no single member.
+
         >>> from mann_torch.memory import MemoryCell, MemorySequence
         >>> trace = MemorySequence(MemoryCell(3, 8, n_slots=4)).trace(torch.zeros(7, 2, 3))
         >>> trace.member(1)["mu"].shape
         (7, 4, 8)
         """
+        batch = self.attended.shape[1:]
+        if len(index) != len(batch) or any(
+            not -n <= i < n for i, n in zip(index, batch, strict=True)
+        ):
+            raise ShapeError(f"member {index} of a batch of {tuple(batch)}: give one index each")
         where = (slice(None), *index)
         return {name: leaf[where].cpu().numpy() for name, leaf in self._asdict().items()}
 

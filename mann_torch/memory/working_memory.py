@@ -8,10 +8,9 @@ import torch
 from torch import Tensor
 
 from ..constraints import DesignModule, Positive
-from ..errors import ConfigError, DtypeError, ShapeError
+from ..errors import ConfigError, ShapeError
 from ..functional import (
     Numbers,
-    as_float64,
     blend,
     frobenius,
     infinity_distances,
@@ -20,6 +19,7 @@ from ..functional import (
 )
 from ..types import MemoryMode, MemoryOutput, MemoryState, Proximity
 from .attention import Attention
+from .checks import Row, check_together, whole
 from .keys import KeyRule, RepresentationKeys
 
 RESETS = ("scaled", "raw")
@@ -40,7 +40,8 @@ class WorkingMemory(DesignModule):
     `initial_keys` (S, D) and `initial_active` (S,) hold what to start from once `store_` has filled
     them; before that every slot starts as c_w sigma at t = 0.
 
-    Raises `ConfigError` for fewer than one slot or neuron or an unknown reset.
+    Raises `ConfigError` for fewer than one slot or neuron, an unknown reset, or a part that is
+    no attention or key rule.
     """
 
     def __init__(
@@ -54,15 +55,17 @@ class WorkingMemory(DesignModule):
         reset: str = "scaled",
     ) -> None:
         super().__init__()
-        for name, count in (("n_slots", n_slots), ("n_hidden", n_hidden)):
-            if count < 1:
-                raise ConfigError(f"{name} = {count}: a memory needs at least 1")
+        n_slots, n_hidden = whole("n_slots", n_slots), whole("n_hidden", n_hidden)
+        key_rule = RepresentationKeys() if key_rule is None else key_rule
+        for part, kind in ((attention, Attention), (key_rule, KeyRule)):
+            if not isinstance(part, kind):
+                raise ConfigError(f"{part!r} is no {kind.__name__}: give an instance of one")
         if reset not in RESETS:
             raise ConfigError(f"unknown reset '{reset}'; choose from {', '.join(RESETS)}")
         self.n_slots, self.n_hidden, self.context_width = n_slots, n_hidden, context_width
         self.reset = reset
         self.attention = attention
-        self.key_rule = RepresentationKeys() if key_rule is None else key_rule
+        self.key_rule = key_rule
         self.write_gain: Tensor
         self.declare("write_gain", write_gain, Positive())
         self.initial_mu: Tensor
@@ -82,14 +85,12 @@ class WorkingMemory(DesignModule):
         `DtypeError`.
         """
         self._check(hidden, context)
-        batch = hidden.shape[:-1]
-        if bool(self.has_contents):
-            mu = self.initial_mu.expand(*batch, -1, -1)
-            return MemoryState(mu, self.initial_keys.expand(*batch, -1, -1))
-        fixed_point = self.write_gain.unsqueeze(-1) * hidden
-        mu = fixed_point.unsqueeze(-2).expand(*batch, self.n_slots, -1)
-        keys = self.key_rule.fresh_keys(context).unsqueeze(-2).expand(*batch, self.n_slots, -1)
-        return MemoryState(mu, keys)
+        fixed_point = (self.write_gain.unsqueeze(-1) * hidden).unsqueeze(-2)
+        fresh = self.key_rule.fresh_keys(context).unsqueeze(-2)
+        batch = torch.broadcast_shapes(fixed_point.shape[:-2], fresh.shape[:-2])
+        stored = self.has_contents
+        mu = torch.where(stored, self.initial_mu, fixed_point).expand(*batch, -1, -1)
+        return MemoryState(mu, torch.where(stored, self.initial_keys, fresh).expand(*batch, -1, -1))
 
     def initial_mode(self, batch_shape: Sequence[int]) -> MemoryMode:
         """All slots active, or only the first where attention grows the set, or those stored.
@@ -118,7 +119,7 @@ class WorkingMemory(DesignModule):
 
         `correction` (..., N) is W h_e'. Raises `ShapeError`, `DtypeError`.
         """
-        self._check(hidden, context, memory)
+        self._check(hidden, context, memory, mode, correction)
         weights = self._attend(hidden, context, memory, mode)
         target = self.write_gain.unsqueeze(-1) * hidden + correction
         d_mu = weights.unsqueeze(-1) * (target.unsqueeze(-2) - memory.mu)
@@ -133,7 +134,7 @@ class WorkingMemory(DesignModule):
         The reset slot gets c_w sigma or sigma (`reset`) and a fresh key; no other slot changes.
         Raises `ShapeError`, `DtypeError`.
         """
-        self._check(hidden, context, memory)
+        self._check(hidden, context, memory, mode)
         memory, mode = self.reallocate(hidden, context, memory, mode)
         return memory, self.note(self._attend(hidden, context, memory, mode), mode)
 
@@ -153,7 +154,9 @@ class WorkingMemory(DesignModule):
     ) -> tuple[MemoryState, MemoryMode]:
         """Reset the slot that attention names where it asks for it, or where `due` (...,) says.
 
-        Relaxed attention resets each slot to a degree; one of more than half counts.
+        Relaxed attention resets each slot to a degree; one of more than half counts. With state
+        keys a fresh key can equal another slot's exactly, where the state stands still: the lowest
+        index wins that tie, so that attention may stay where it was.
         """
         if not self.attention.reallocates:
             return memory, mode
@@ -162,11 +165,12 @@ class WorkingMemory(DesignModule):
             return memory, mode
         fires = shift.fires if due is None else due
         degree = shift.target * fires.unsqueeze(-1)
+        each = degree.unsqueeze(-1)
         gain = self.write_gain.unsqueeze(-1) if self.reset == "scaled" else 1.0
         fresh = self.key_rule.fresh_keys(context)
         memory = MemoryState(
-            blend(degree, (gain * hidden).unsqueeze(-2), memory.mu),
-            blend(degree, fresh.unsqueeze(-2), memory.keys),
+            blend(each, (gain * hidden).unsqueeze(-2), memory.mu),
+            blend(each, fresh.unsqueeze(-2), memory.keys),
         )
         return memory, mode._replace(
             active=blend(degree, torch.ones_like(mode.active), mode.active),
@@ -220,18 +224,26 @@ class WorkingMemory(DesignModule):
         weights: Tensor = self.attention(comparison, mode.active)
         return weights
 
-    def _check(self, hidden: Tensor, context: Tensor, memory: MemoryState | None = None) -> None:
-        if hidden.dtype != torch.float64 or (memory and memory.mu.dtype != torch.float64):
-            as_float64(hidden, "features of a memory")
-            raise DtypeError("mu of a memory is not float64: convert it with .double()")
-        fits = self.context_width in (0, context.shape[-1])
-        if hidden.shape[-1] != self.n_hidden or not fits:
-            raise ShapeError(
-                f"memory of N = {self.n_hidden}, context width {self.context_width} got features "
-                f"{tuple(hidden.shape)} and context {tuple(context.shape)}"
-            )
-        if memory and memory.mu.shape[-2:] != self.initial_mu.shape:
-            raise ShapeError(
-                f"memory of {self.n_slots} slots, N = {self.n_hidden} got mu "
-                f"{tuple(memory.mu.shape)}"
-            )
+    def _check(
+        self,
+        hidden: Tensor,
+        context: Tensor,
+        memory: MemoryState | None = None,
+        mode: MemoryMode | None = None,
+        correction: Tensor | None = None,
+    ) -> None:
+        S, N, double = self.n_slots, self.n_hidden, torch.float64
+        wide = (self.context_width or context.shape[-1],)
+        rows: list[Row] = [("features", hidden, (N,), double), ("context", context, wide, double)]
+        if memory is not None:
+            width = self.initial_keys.shape[-1]
+            rows.append(("mu", memory.mu, (S, N), double))
+            rows.append(("keys", memory.keys, (S, width), double))
+        if mode is not None:
+            kind = double if self.attention.graded else torch.bool
+            rows.append(("active", mode.active, (S,), kind))
+            if mode.held is not None:
+                rows.append(("held weights", mode.held, (S,), double))
+        if correction is not None:
+            rows.append(("correction", correction, (N,), double))
+        check_together(rows)

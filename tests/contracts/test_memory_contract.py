@@ -7,11 +7,11 @@ import mann_torch as mt
 from mann_torch.memory import ATTENTIONS, KEY_RULES
 from mann_torch.trees import leaves, map_tensors
 from mann_torch.types import MemoryState
-from tests.conftest import make_attention, randn
+from tests.conftest import ATTENTION_MAKERS, make_attention, randn
 
 B, S, N, C = 64, 5, 6, 2
-DECIDING = ("soft", "hard", "reallocating_initial", "reallocating_always")
-ATTENTION_NAMES = (*DECIDING, "relaxed_hard", "relaxed_initial", "relaxed_always")
+ATTENTION_NAMES = tuple(ATTENTION_MAKERS)
+DECIDING = tuple(name for name in ATTENTION_NAMES if not name.startswith("relaxed"))
 
 
 def paired(names: tuple[str, ...]) -> pytest.MarkDecorator:
@@ -113,18 +113,42 @@ def test_gradients_reach_features_contents_and_write_gain(attention: str, rule: 
 @pairs
 def test_wrong_shapes_and_dtypes_are_named_errors(attention: str, rule: str) -> None:
     memory, (hidden, correction, context, state, mode) = setup(attention, rule)
-    with pytest.raises(mt.ShapeError, match="memory of N = 6"):
+    with pytest.raises(mt.ShapeError, match="features has shape"):
         memory.initial_state(hidden[:, :-1], context)
-    with pytest.raises(mt.ShapeError, match="memory of N = 6"):
+    with pytest.raises(mt.ShapeError, match="features has shape"):
         memory(hidden[:, :-1], correction, context, state, mode)
-    with pytest.raises(mt.ShapeError, match="5 slots"):
+    with pytest.raises(mt.ShapeError, match="mu has shape"):
         memory.jump(hidden, context, state._replace(mu=state.mu[:, 1:]), mode)
     with pytest.raises(mt.ShapeError, match="context"):
         memory(hidden, correction, context[:, :-1], state, mode)
-    with pytest.raises(mt.DtypeError, match="float64"):
-        memory(hidden.float(), correction, context, state, mode)
-    with pytest.raises(mt.DtypeError, match="float64"):
-        memory.jump(hidden, context, state._replace(mu=state.mu.float()), mode)
+    for name, place in (("features", 0), ("correction", 1), ("context", 2)):
+        arguments = [hidden, correction, context, state, mode]
+        arguments[place] = arguments[place].float()
+        with pytest.raises(mt.DtypeError, match=f"{name} is torch.float32"):
+            memory(*arguments)
+    for name in ("mu", "keys"):
+        wrong = state._replace(**{name: getattr(state, name).float()})
+        with pytest.raises(mt.DtypeError, match=f"{name} is torch.float32"):
+            memory.jump(hidden, context, wrong, mode)
+    with pytest.raises(mt.ShapeError, match="keys has shape"):
+        memory.jump(
+            hidden, context, state._replace(keys=torch.cat([state.keys] * 2 + [state.mu], -1)), mode
+        )
+    with pytest.raises(mt.ShapeError, match="correction has shape"):
+        memory(hidden, correction[:, :1], context, state, mode)
+    with pytest.raises(mt.ShapeError, match="active has shape"):
+        memory(hidden, correction, context, state, mode._replace(active=mode.active[:, 1:]))
+    with pytest.raises(mt.ShapeError, match=r"batch shapes do not fit: features \(63,\)"):
+        memory(hidden[1:], correction, context, state, mode)
+
+
+@pairs
+def test_float_and_half_leave_the_memory_in_float64(attention: str, rule: str) -> None:
+    memory, arguments = setup(attention, rule)
+    read = memory(*arguments).read
+    holder = torch.nn.ModuleList([memory]).float().half()
+    assert torch.equal(memory(*arguments).read, read)
+    holder.load_state_dict(holder.state_dict())
 
 
 @pairs

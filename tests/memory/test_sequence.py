@@ -1,0 +1,118 @@
+"""The cell over a sequence, and what it leaves for telemetry."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from torch import nn
+
+import mann_torch as mt
+from tests.conftest import randn
+from tests.memory.cells import WIDTH, N, S, make_cell
+
+
+def test_it_is_called_as_an_lstm_is() -> None:
+    cell, lstm = mt.MemoryCell(10, 20), nn.LSTM(10, 20, batch_first=True)
+    x = torch.randn(4, 7, 10)
+    outputs, state = mt.MemorySequence(cell, batch_first=True)(x)
+    assert outputs.shape == lstm(x)[0].shape and outputs.dtype == x.dtype
+    again, _ = mt.MemorySequence(cell)(x.transpose(0, 1), cell.initial_state(4))
+    assert torch.equal(again.transpose(0, 1), outputs)
+    assert state.mu.shape == (4, 5, 20)
+
+
+def test_in_two_pieces_a_sequence_gives_the_same() -> None:
+    sequence, x = mt.MemorySequence(make_cell("reallocating_always")), 3 * randn(12, 2, WIDTH)
+    whole, last = sequence(x)
+    first, state = sequence(x[:5])
+    second, end = sequence(x[5:], state)
+    assert torch.equal(torch.cat([first, second]), whole)
+    assert all(torch.equal(a, b) for a, b in zip(end, last, strict=True))
+
+
+def test_gradients_over_a_long_sequence_are_finite_and_detach_cuts_them() -> None:
+    cell = make_cell("soft", output_size=1)
+    first = randn(2, WIDTH).requires_grad_()
+    outputs, state = mt.MemorySequence(cell)(torch.cat([first[None], randn(1500, 2, WIDTH)]))
+    (slope,) = torch.autograd.grad(outputs.sum(), first)
+    assert bool(torch.isfinite(slope).all()) and bool((slope != 0).any())
+    assert state.mu.requires_grad and not state.detach().mu.requires_grad
+    assert isinstance(state.detach(), mt.CellState)
+
+
+def test_trace_logs_what_a_member_did() -> None:
+    sequence, x = mt.MemorySequence(make_cell("reallocating_always")), 4 * randn(60, 3, WIDTH)
+    trace = sequence.trace(x)
+    outputs, state = sequence(x)
+    assert torch.equal(trace.read, outputs.detach()) and torch.equal(trace.mu[-1], state.mu)
+    log = mt.memory.reallocation_log(trace, 1)
+    assert len(log["step"]) == int(state.reallocations[1]) > 0
+    run = trace.member(1)
+    assert run["mu"].shape == (60, S, N) and run["weights"].shape == (60, S)
+    assert (run["weights"][log["step"], log["slot"]] == 1).all()
+    resumed = sequence.trace(x[30:], sequence(x[:30])[1].detach())
+    later = mt.memory.reallocation_log(resumed, 1)
+    for name, shift in (("step", 30), ("slot", 0)):
+        whole = log[name][log["step"] >= 30]
+        assert (later[name] + shift == whole).all() and len(later[name]) == len(whole) > 0
+
+
+def test_the_log_names_the_slot_that_was_reset_where_another_is_attended() -> None:
+    cell = make_cell("reallocating_always", key_rule=mt.StateKeys())
+    x = 4 * randn(WIDTH)
+    start = cell.initial_state()
+    keys = x.expand(S, WIDTH)  # every key as near as a fresh one: slot 0 stays attended
+    start = start._replace(keys=keys, active=torch.ones(S, dtype=torch.bool))
+    trace = mt.MemorySequence(cell).trace(x.unsqueeze(0), start)
+    farthest = (cell.features(x) - start.mu / 0.75).abs().amax(-1).argmax()
+    assert int(trace.attended[0]) == 0 != int(farthest)
+    assert mt.memory.reallocation_log(trace)["slot"].tolist() == [int(farthest)]
+
+
+def test_a_sequence_takes_a_step_length_for_each_sample() -> None:
+    sequence, x = mt.MemorySequence(make_cell(), batch_first=True), randn(3, 5, WIDTH)
+    dt = torch.rand(3, 5, dtype=torch.float64)
+    dt[0, 2:] = 0.0  # a shorter sequence in the batch
+    outputs, state = sequence(x, dt=dt)
+    alone, last = sequence(x[:1, :2], dt=dt[:1, :2])
+    torch.testing.assert_close(outputs[:1, :2], alone, rtol=0, atol=1e-15)
+    torch.testing.assert_close(state.mu[:1], last.mu, rtol=0, atol=1e-15)
+    assert torch.equal(sequence.trace(x, dt=dt).mu[-1], state.mu)
+    for wrong in (dt[:, 1:], torch.tensor(1.0)):
+        with pytest.raises(mt.ShapeError, match=r"dt has shape .*\(B, T\)"):
+            sequence(x, dt=wrong)
+
+
+def test_a_trace_starts_where_it_is_told_and_records_every_count() -> None:
+    sequence = mt.MemorySequence(make_cell("hard", key_rule=mt.StateKeys(0.3)), batch_first=True)
+    x = 4 * randn(2, 40, WIDTH)
+    _, state = sequence(x[:, :10])
+    trace = sequence.trace(x[:, 10:], state.detach())
+    later = state
+    for step in range(30):
+        _, later = sequence.cell(x[:, 10 + step], later)
+        for name in ("mu", "keys", "active", "attended", "switches", "reallocations"):
+            assert torch.equal(getattr(trace, name)[step], getattr(later, name)), name
+    assert bool((trace.switches[-1] > trace.switches[0]).all())
+    assert sequence.trace(x[:, 10:]).mu.shape == (30, 2, S, N)
+
+
+def test_a_member_that_is_not_there_is_named() -> None:
+    trace = mt.MemorySequence(make_cell()).trace(randn(5, 2, WIDTH))
+    for index in ((), (2,), (0, 0)):
+        with pytest.raises(mt.ShapeError, match="member"):
+            trace.member(*index)
+        with pytest.raises(mt.ShapeError, match="member"):
+            mt.memory.reallocation_log(trace, *index)
+
+
+def test_without_a_batch_it_takes_rows_of_time_as_an_lstm_does() -> None:
+    cell, x = make_cell(), randn(7, WIDTH)
+    first = mt.MemorySequence(cell, batch_first=True)(x)[0]
+    assert torch.equal(first, mt.MemorySequence(cell)(x)[0])
+    with pytest.raises(mt.ShapeError, match="a sequence is"):
+        mt.MemorySequence(cell)(x[0])
+    with pytest.raises(mt.ShapeError, match="at least one step"):
+        mt.MemorySequence(cell)(x[:0])
+    with pytest.raises(mt.ConfigError, match="MemoryCell"):
+        mt.MemorySequence(nn.LSTMCell(3, 4))
