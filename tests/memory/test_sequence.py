@@ -83,18 +83,19 @@ def test_a_sequence_takes_a_step_length_for_each_sample() -> None:
             sequence(x, dt=wrong)
 
 
-def test_a_trace_starts_where_it_is_told_and_records_every_count() -> None:
-    sequence = mt.MemorySequence(make_cell("hard", key_rule=mt.StateKeys(0.3)), batch_first=True)
+@pytest.mark.parametrize("name", ["hard", "reallocating_initial"])
+def test_a_trace_starts_where_it_is_told_and_records_every_count(name: str) -> None:
+    sequence = mt.MemorySequence(make_cell(name, key_rule=mt.StateKeys(0.3)), batch_first=True)
     x = 4 * randn(2, 40, WIDTH)
-    _, state = sequence(x[:, :10])
-    trace = sequence.trace(x[:, 10:], state.detach())
+    _, state = sequence(x[:, :1])
+    trace = sequence.trace(x[:, 1:], state.detach())
     later = state
-    for step in range(30):
-        _, later = sequence.cell(x[:, 10 + step], later)
-        for name in ("mu", "keys", "active", "attended", "switches", "reallocations"):
-            assert torch.equal(getattr(trace, name)[step], getattr(later, name)), name
+    for step in range(39):
+        _, later = sequence.cell(x[:, 1 + step], later)
+        for leaf in ("mu", "keys", "active", "attended", "switches", "reallocations"):
+            assert torch.equal(getattr(trace, leaf)[step], getattr(later, leaf)), leaf
     assert bool((trace.switches[-1] > trace.switches[0]).all())
-    assert sequence.trace(x[:, 10:]).mu.shape == (30, 2, S, N)
+    assert sequence.trace(x[:, 1:]).mu.shape == (39, 2, S, N)
 
 
 def test_a_member_that_is_not_there_is_named() -> None:

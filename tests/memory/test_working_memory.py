@@ -109,6 +109,7 @@ def test_state_keys_move_only_for_the_attended_slot_and_reset_to_the_state() -> 
     memory = mt.WorkingMemory(S, N, attention, mt.StateKeys(key_rate=2.0), context_width=2)
     context, keys = randn(2), randn(S, 2, seed=1)
     keys[1] = context + 0.01
+    keys[0] = 0.75 * context  # c_w scales contents, not keys
     hidden = torch.sigmoid(randn(N))
     state = MemoryState(0.75 * hidden + torch.zeros(S, N).double(), keys)
     out = memory(hidden, hidden * 0, context, state, mode_with(memory, [True] * 4))
