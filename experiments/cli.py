@@ -8,6 +8,7 @@ import os
 import re
 import shlex
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -157,6 +158,10 @@ def _check_run_dir(cfg: Any) -> None:
     existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not existing.is_dir() or not os.access(existing, os.W_OK):
         raise ConfigError(f"run_dir = {folder}: {existing} is not a folder one can write to")
+    try:  # root may do what a file system does not allow
+        os.rmdir(tempfile.mkdtemp(dir=existing))
+    except OSError as error:
+        raise ConfigError(f"run_dir = {folder}: {error.strerror}") from None
     _refuse_finished_run(folder)
 
 

@@ -129,31 +129,6 @@ def against_paper(rows: Sequence[tuple[str, float, float, float]], title: str) -
     return figure
 
 
-def curves(
-    lines: Mapping[str, np.ndarray],
-    x: Mapping[str, np.ndarray],
-    labels: tuple[str, str],
-    title: str,
-    log: bool = False,
-    marks: Sequence[float] = (),
-) -> Figure:
-    """One line a variant, (T,) each against its own x (T,)."""
-    figure = Figure(figsize=(9, 4.5), layout="constrained")
-    ax = figure.subplots()
-    colours = (*COLOURS, "tab:brown", "tab:gray", "tab:olive")
-    for colour, (name, values) in zip(colours, lines.items(), strict=False):
-        ax.plot(x[name], values, lw=1.0, color=colour, label=name)
-    for mark in marks:
-        ax.axvline(mark, color="0.8", lw=0.6, zorder=0)
-    ax.set_xlabel(labels[0])
-    ax.set_ylabel(labels[1])
-    if log:
-        ax.set_yscale("log")
-    ax.legend(fontsize="small", ncols=2)
-    ax.set_title(title)
-    return figure
-
-
 def _fit_after_start(ax: Axes, curves: Sequence[tuple[np.ndarray, np.ndarray]]) -> None:
     """Scale the axis by what comes after the first peak, which is far larger and says little."""
     late = [np.abs(y[t > 5.0]).max() for t, y in curves if t[-1] > 5.0]

@@ -68,7 +68,7 @@ HELP = {
         {
             "fewer": "variants=[network,soft]",
             "a member": "member=3",
-            "sweep": "-m rate=5,10",
+            "sweep": "-m write_gain=0.5,1",
         },
         choices=_learners,
     ),

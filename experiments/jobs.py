@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import multiprocessing
-import os
-import signal
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from queue import Empty
 from typing import Any
 
 import numpy as np
 import torch
 
 from mann_torch import Trajectory, rollout
-from mann_torch.errors import SolverError
 from mann_torch.simulation.step_grid import StepGrid
 
 from .batching import side_by_side
@@ -26,7 +19,7 @@ from .config import ReproduceConfig, SimulateConfig
 from .ensembles import composed
 from .plan import Job
 from .recording import metrics_of, signal_arrays
-from .simulate import progress_bar
+from .workers import in_parallel
 
 SAMPLE_DT = 0.05
 
@@ -162,59 +155,6 @@ def _run(
 def run_jobs(cfg: ReproduceConfig, jobs: list[Job]) -> Iterator[JobResult]:
     """Results in the order in which they become ready, with one progress bar over all steps."""
     total = sum(n_steps(cfg, job) for job in jobs)
-    with progress_bar(total, "step") as bar:
-        if cfg.workers == 1 or len(jobs) == 1:
-            for job in jobs:
-                yield run_job(cfg, job, bar.update)
-            return
-        context = multiprocessing.get_context("spawn")
-        with context.Manager() as manager:
-            steps = manager.Queue()
-            pool = ProcessPoolExecutor(cfg.workers, mp_context=context, initializer=_start_worker)
-            try:
-                waiting = {pool.submit(_worker, cfg, job, steps) for job in jobs}
-                while waiting:
-                    _drain(steps, bar.update)
-                    done = {future for future in waiting if future.done()}
-                    waiting -= done
-                    for future in done:
-                        yield future.result()
-            except BrokenProcessPool:
-                raise SolverError("a worker process died (out of memory?): try workers=1") from None
-            finally:
-                # On an error or Ctrl-C nobody waits for the jobs still queued or running.
-                workers = list((pool._processes or {}).values()) if waiting else []
-                pool.shutdown(wait=not waiting, cancel_futures=True)
-                for worker in workers:
-                    worker.terminate()
-
-
-def _start_worker() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent alone answers Ctrl-C
-    # Compile in this process: the other core is busy with the other worker.
-    os.environ["TORCHINDUCTOR_COMPILE_THREADS"] = "1"
-
-
-def _worker(cfg: ReproduceConfig, job: Job, steps: Any) -> JobResult:
-    torch.set_num_threads(1)  # the other cores have their own workers
-    pending = 0
-
-    def progress(count: int) -> None:
-        nonlocal pending
-        pending += count
-        if pending >= 1000:
-            steps.put(pending)
-            pending = 0
-
-    result = run_job(cfg, job, progress)
-    steps.put(pending)
-    return result
-
-
-def _drain(steps: Any, update: Callable[[int], object]) -> None:
-    try:
-        update(steps.get(timeout=0.5))
-        while True:
-            update(steps.get_nowait())
-    except Empty:
-        pass
+    given = [(cfg, job) for job in jobs]
+    for _, result in in_parallel(run_job, given, cfg.workers, total, "step"):
+        yield result

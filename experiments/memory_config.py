@@ -10,19 +10,21 @@ class OnlineRegressionConfig:
     """A stream whose function changes abruptly and comes back, learned sample by sample."""
 
     variants: list[str] = field(default_factory=list)
+    rates: list[float] = field(default_factory=list)  # C_w = C_v: each variant takes its best
+    tuning_visits: int = 2  # of each function, on streams of their own, to choose the rate
     n_functions: int = 3  # K
     visits: int = 4  # of each function, in turn
     visit_length: float = 10.0  # [s]
     dt: float = 0.01  # [s] between samples
     n_hidden: int = 10  # N
     n_slots: int = 5  # S
-    rate: float = 10.0  # C_w = C_v of the network's update law
     write_gain: float = 0.75  # c_w
     shift_threshold: float = 0.2  # theta
     key_rate: float = 1.0  # c_k [1/s], of `readouts`
     initial_std: float = 1.0  # of the inner weights
     window: float = 1.0  # [s] after a switch that count as such
     seeds: int = 20  # streams, functions and initial weights, all at once
+    workers: int = 2
     member: int = 0  # whose memory is shown
     tensorboard: bool = True
     figures: bool = True
@@ -42,7 +44,7 @@ class RecallConfig:
     hidden_size: int = 16  # N of the cell; the others get as many parameters
     context_size: int = 4  # width of the cell's keys
     iterations: int = 300
-    longer: int = 5  # times the iterations, for lstm_long and gru_long: about equal wall time
+    longer: int = 5  # times the iterations, for lstm_long and gru_long
     batch: int = 64
     rate: float = 0.02  # of Adam, the same for all
     temperature: float = 0.5  # of relaxed attention

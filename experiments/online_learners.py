@@ -90,7 +90,7 @@ class OnlineLearner(nn.Module):
     law's correction. V is fixed, and so it is in `network_fixed`, its fair comparison.
     """
 
-    def __init__(self, cfg: OnlineRegressionConfig, variant: str) -> None:
+    def __init__(self, cfg: OnlineRegressionConfig, variant: str, rate: float) -> None:
         super().__init__()
         n_hidden = cfg.n_hidden
         if variant == "network_matched":
@@ -100,8 +100,8 @@ class OnlineLearner(nn.Module):
             N_INPUTS,
             n_hidden,
             1,
-            rate_W=cfg.rate,
-            rate_V=0.0 if variant in FIXED else cfg.rate,
+            rate_W=rate,
+            rate_V=0.0 if variant in FIXED else rate,
             initial_std=cfg.initial_std,
         )
         self.cell: mt.MemoryCell | None = None
@@ -152,20 +152,26 @@ class OnlineLearner(nn.Module):
             return Looked((read[..., :-1] * hidden).sum(-1) + read[..., -1], seen)
         return Looked(self.network.output(hidden + read, learner.network).squeeze(-1), seen)
 
-    def begin(self, learner: Learner, inputs: Tensor, prints: Tensor, spread: Tensor) -> Learner:
-        """The memory's start: the paper's, c_w sigma; of readouts, zeros with keys `spread`."""
+    def begin(self, learner: Learner, inputs: Tensor, spread: Tensor) -> Learner:
+        """The memory's start: c_w sigma of S inputs (S, B, 3), as equal slots would stay equal.
+
+        Of readouts: zeros, with keys `spread` (B, S, 4).
+        """
         if self.cell is None:
             return learner
         hidden = self.network.features(inputs, learner.network).hidden
-        state = self.cell.initial_state_at(self._cell_input(hidden, prints))
+        state = self.cell.initial_state(spread.shape[:1])
         if self.variant == "readouts":
-            state = state._replace(mu=torch.zeros_like(state.mu), keys=spread)
-        return learner._replace(cell=state)
+            return learner._replace(cell=state._replace(mu=torch.zeros_like(state.mu), keys=spread))
+        gain = self.cell.memory.write_gain
+        return learner._replace(cell=state._replace(mu=gain * hidden.transpose(0, 1)))
 
     def update(self, learner: Learner, inputs: Tensor, error: Tensor, looked: Looked) -> Learner:
         """The paper's update law, one Euler step, and the write law, one exact step."""
         network, seen = learner.network, looked.seen
         features = self.network.features(inputs, network)
+        if self.variant in FIXED:  # the law of W alone: sigma e, without V's share
+            features = features._replace(slope=torch.zeros_like(features.slope))
         e = error.unsqueeze(-1)
         if self.variant == "readouts" and seen is not None:
             outer = seen.read.unsqueeze(-1)

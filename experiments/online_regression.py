@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -12,51 +12,53 @@ from typing import Any, cast
 import numpy as np
 import torch
 from hydra.core.hydra_config import HydraConfig
+from matplotlib.figure import Figure
 from omegaconf import OmegaConf
 from torch import Tensor
 
-import mann_torch as mt
+from mann_torch import memory_figure
 from mann_torch.errors import ConfigError
 from mann_torch.memory import MemoryTrace
 from mann_torch.trees import map_tensors
 
 from .cli import command_line, reject_unknown, run_cli
-from .figures import curves
+from .learning_figures import errors_over_time
 from .memory_config import OnlineRegressionConfig
-from .memory_report import (
-    check_at_least,
-    check_positive,
-    check_variants,
-    interval,
-    markdown,
-    shown,
-    trace_arrays,
-    verdict,
-    write_all,
-)
+from .memory_report import Report, by_variant, compare, member_arrays, write_pictures, write_report
 from .online_learners import (
     BASELINES,
     FINGERPRINT_TIME,
     PRINTS,
     VARIANTS,
+    Learner,
     OnlineLearner,
     draw_stream,
 )
-from .simulate import progress_bar
-from .writing import write_text
+from .online_measures import MEASURES, after_each_switch, measured
+from .setting_checks import check_between, check_positive, check_variants
+from .workers import in_parallel
+from .writing import write_arrays, write_text
 
-MEASURES = ("after_switch", "steady", "recovery_s", "forgotten")
-HEADER = ("variant", *(f"{m}{end}" for m in MEASURES for end in ("", "_half")), "against")
 PROBES = 64  # points of a forgetting test
+TEST, TUNING = 0, 1  # streams
+MOST_SAMPLES = 10**6  # of a pass
 
 
 @dataclass(frozen=True)
 class Learnt:
-    """One variant on all seeds' streams."""
+    """One variant on all seeds' streams, at its best rate."""
 
+    rate: float
     measures: dict[str, np.ndarray]  # (seeds,) each, over the visits that are returns
-    rmse: np.ndarray  # (visits, samples) over seeds, smoothed by the caller
-    trace: MemoryTrace | None  # of seed `member`
+    rmse: np.ndarray  # (visits, samples) over seeds
+    switches: np.ndarray  # (visits, seeds) RMSE after each switch
+    rms: float  # of the functions
+    trace: dict[str, np.ndarray]  # of seed `member`; empty without a memory
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All of it by name."""
+        own = {"rate": np.array(self.rate), "rmse": self.rmse, "after_each_switch": self.switches}
+        return {**self.measures, **own, **self.trace}
 
 
 def main() -> None:
@@ -69,39 +71,64 @@ def checked(cfg: Any) -> OnlineRegressionConfig:
     reject_unknown(cfg, OnlineRegressionConfig)
     plain = cast(OnlineRegressionConfig, OmegaConf.to_object(cfg))
     check_variants(plain.variants, VARIANTS)
-    check_at_least(plain, {"n_functions": 2, "visits": 2, "n_hidden": 1, "n_slots": 1, "seeds": 1})
-    check_at_least(plain, {"member": 0, "seed": 0})
-    positive = ("visit_length", "dt", "rate", "write_gain", "key_rate", "initial_std", "window")
-    check_positive(plain, positive)
+    many = ("n_functions", "visits", "tuning_visits")
+    check_between(plain, dict.fromkeys(many, (2, 1000)))
+    check_between(plain, dict.fromkeys(("n_hidden", "n_slots", "seeds"), (1, 10_000)))
+    check_between(plain, {"workers": (1, 256), "member": (0, plain.seeds - 1), "seed": (0, 2**31)})
+    for name in ("visit_length", "dt", "write_gain", "key_rate", "initial_std", "window"):
+        check_positive(name, getattr(plain, name))
+    if not plain.rates or len(set(plain.rates)) < len(plain.rates):
+        raise ConfigError(f"rates = {plain.rates}: name each once, at least one")
+    for rate in plain.rates:
+        check_positive("rates", rate)
     if not (math.isfinite(plain.shift_threshold) and plain.shift_threshold >= 0):
         raise ConfigError(f"shift_threshold = {plain.shift_threshold}: must be finite and >= 0")
-    if plain.member >= plain.seeds:
-        raise ConfigError(f"member = {plain.member}: there are {plain.seeds} seeds, from 0")
     if not plain.dt <= plain.window / 10 or not plain.window <= plain.visit_length / 2:
         raise ConfigError(
             f"window = {plain.window}: at least 10 dt and at most half of visit_length"
         )
+    visits = plain.n_functions * max(plain.visits, plain.tuning_visits)
+    if visits * plain.visit_length / plain.dt > MOST_SAMPLES:
+        raise ConfigError(f"visit_length, dt and visits ask for over {MOST_SAMPLES:.0e} samples")
     return plain
 
 
+def learn(
+    cfg: OnlineRegressionConfig, variant: str, progress: Callable[[int], object] = lambda n: None
+) -> Learnt:
+    """Choose the variant's rate on streams of their own, then take it to the test's."""
+    scores = []
+    for rate in cfg.rates if len(cfg.rates) > 1 else ():
+        tried = one_pass(cfg, variant, rate, TUNING, cfg.tuning_visits, progress)
+        score = float(tried.measures["after_switch"].mean())
+        scores.append(score if math.isfinite(score) else math.inf)
+    best = cfg.rates[int(np.argmin(scores))] if scores else cfg.rates[0]
+    return one_pass(cfg, variant, best, TEST, cfg.visits, progress)
+
+
 @torch.inference_mode()
-def learn(cfg: OnlineRegressionConfig, variant: str, progress: Callable[[], object]) -> Learnt:
-    """One pass over the streams; the draws are the same for every variant."""
-    torch.manual_seed(cfg.seed)
-    generator = torch.Generator().manual_seed(cfg.seed)
+def one_pass(
+    cfg: OnlineRegressionConfig,
+    variant: str,
+    rate: float,
+    streams: int,
+    visits: int,
+    progress: Callable[[int], object],
+) -> Learnt:
+    """One pass over the streams; the draws are the same for every variant and rate."""
+    seeds = np.random.SeedSequence([cfg.seed, streams]).generate_state(2, np.uint64)
+    generator, weights = (torch.Generator().manual_seed(int(seed >> 1)) for seed in seeds)
     stream = draw_stream(cfg, generator)
-    learner = OnlineLearner(cfg, variant)
+    learner = OnlineLearner(cfg, variant, rate)
     spread = torch.randn(cfg.seeds, cfg.n_slots, PRINTS, generator=generator, dtype=torch.float64)
-    weights = torch.Generator().manual_seed(cfg.seed + 1)
     state = learner.start(cfg, weights)
+    state = learner.begin(state, stream.samples(0, cfg.n_slots, generator)[0], 0.3 * spread)
     probes = [stream.samples(k, PROBES, generator) for k in range(cfg.n_functions)]
     per_visit = round(cfg.visit_length / cfg.dt)
     squared, probed, rows = [], [], []
     prints = torch.zeros(cfg.seeds, PRINTS, dtype=torch.float64)
-    for visit in range(cfg.n_functions * cfg.visits):
+    for visit in range(cfg.n_functions * visits):
         inputs, answers, basis = stream.samples(visit % cfg.n_functions, per_visit, generator)
-        if visit == 0:
-            state = learner.begin(state, inputs[0], prints, 0.3 * spread)
         for step in range(per_visit):
             looked, before = learner.look(state, inputs[step], prints, jump=True), state.cell
             error = answers[step] - looked.prediction
@@ -113,20 +140,21 @@ def learn(cfg: OnlineRegressionConfig, variant: str, progress: Callable[[], obje
                 row = MemoryTrace.row(before, looked.seen, state.cell)
                 rows.append(map_tensors(lambda leaf: leaf[cfg.member].clone(), row))
         probed.append(torch.stack([_probe(learner, state, *probe) for probe in probes]))
-        progress()
+        progress(1)
     errors = torch.stack(squared).reshape(-1, per_visit, cfg.seeds)
-    rmse = errors.mean(dim=-1).sqrt().numpy()
-    measures = _measures(cfg, errors, torch.stack(probed), stream_rms(cfg, probes))
-    return Learnt(measures, rmse, MemoryTrace.stack(rows) if rows else None)
-
-
-def stream_rms(cfg: OnlineRegressionConfig, probes: list[tuple[Tensor, Tensor, Tensor]]) -> Tensor:
-    """Root mean square of the answers over all functions (B,)."""
-    return torch.stack([answers for _, answers, _ in probes]).square().mean(dim=(0, 1)).sqrt()
+    rms = torch.stack([answers for _, answers, _ in probes]).square().mean(dim=1).sqrt()
+    return Learnt(
+        rate,
+        measured(cfg, errors, torch.stack(probed), rms),
+        errors.mean(dim=-1).sqrt().numpy(),
+        after_each_switch(cfg, errors),
+        float(rms.square().mean().sqrt()),
+        member_arrays(MemoryTrace.stack(rows)) if rows else {},
+    )
 
 
 def _probe(
-    learner: OnlineLearner, state: Any, inputs: Tensor, answers: Tensor, basis: Tensor
+    learner: OnlineLearner, state: Learner, inputs: Tensor, answers: Tensor, basis: Tensor
 ) -> Tensor:
     """RMSE (B,) on a function's points, nothing learned; told which one by its fingerprint."""
     prints = (answers.unsqueeze(-1) * basis).mean(dim=0).expand(len(inputs), -1, -1)
@@ -134,91 +162,81 @@ def _probe(
     return (answers - prediction).square().mean(dim=0).sqrt()
 
 
-def _measures(
-    cfg: OnlineRegressionConfig, squared: Tensor, probed: Tensor, rms: Tensor
-) -> dict[str, np.ndarray]:
-    """Of squared errors (visits, samples, B) and probes (visits, K, B): returns alone count."""
-    K, window = cfg.n_functions, round(cfg.window / cfg.dt)
-    back = squared[K:]
-    pieces = back[:, : back.shape[1] // (window // 2) * (window // 2)]
-    pieces = pieces.unflatten(1, (-1, window // 2)).mean(dim=2).sqrt()
-    good = pieces < 0.5 * rms
-    first = torch.where(good.any(dim=1), good.int().argmax(dim=1), good.shape[1])
-    visits = range(K, len(probed))
-    lost = torch.stack([probed[v - 1, v % K] - probed[v - K, v % K] for v in visits])
-    found = {
-        "after_switch": back[:, :window].mean(dim=1).sqrt().mean(dim=0),
-        "steady": back[:, -2 * window :].mean(dim=1).sqrt().mean(dim=0),
-        "recovery_s": first.double().mean(dim=0) * (window // 2) * cfg.dt,
-        "forgotten": lost.mean(dim=0),
-    }
-    return {name: value.numpy() for name, value in found.items()}
+def reported(cfg: OnlineRegressionConfig, found: Mapping[str, Learnt], wall_s: float) -> Report:
+    """Tables, record and arrays of a run."""
+    extra = {"rate": {variant: learnt.rate for variant, learnt in found.items()}}
+    measures = {variant: learnt.measures for variant, learnt in found.items()}
+    baselines = {v: base for v, base in BASELINES.items() if base in found}
+    note = (
+        f"{cfg.n_functions} functions, {cfg.visits} visits of {cfg.visit_length:g} s each, "
+        f"{cfg.seeds} seeds: mean and 95 % interval over visits that are returns; the functions' "
+        f"own RMS is {next(iter(found.values())).rms:.2f}. After a switch: the first "
+        f"{cfg.window:g} s. Recovered: the error fell below half the function's RMS, and when; a "
+        "visit without recovery counts whole. Before return, when left: on a function's points "
+        "just before it comes back, and when it was last left. Better, worse: paired by seed "
+        "against network (readouts: against network_fixed), at 95 %, not corrected for their "
+        f"number. Rate: the best of {', '.join(f'{rate:g}' for rate in cfg.rates)} after a switch, "
+        "on other streams."
+    )
+    visits = range(cfg.n_functions * cfg.visits)
+    header = ["variant", *(f"switch_{v}_function_{v % cfg.n_functions}" for v in visits)]
+    rows = [[v, *learnt.switches.mean(axis=1).tolist()] for v, learnt in found.items()]
+    block = _block(cfg)
+    return Report(
+        compare(MEASURES, measures, baselines, extra),
+        note,
+        {"units": {"recovery_s": "s"}, "wall_s": wall_s},
+        by_variant({variant: learnt.arrays() for variant, learnt in found.items()}),
+        {f"{variant}/rmse": in_blocks(learnt.rmse, block) for variant, learnt in found.items()},
+        {"switches": [header, *rows]},
+    )
+
+
+def in_blocks(rmse: np.ndarray, block: int) -> np.ndarray:
+    """RMSE (visits, samples) over `block` samples each, as one row."""
+    whole = rmse.size // block * block
+    blocks: np.ndarray = np.sqrt((rmse.reshape(-1)[:whole].reshape(-1, block) ** 2).mean(axis=1))
+    return blocks
+
+
+def _block(cfg: OnlineRegressionConfig) -> int:
+    return max(1, round(cfg.window / cfg.dt) // 4)
+
+
+def pictures(cfg: OnlineRegressionConfig, found: Mapping[str, Learnt]) -> dict[str, Figure]:
+    """Errors over time, and what each memory did."""
+    block = _block(cfg)
+    lines = {variant: in_blocks(learnt.rmse, block) for variant, learnt in found.items()}
+    starts = [cfg.visit_length * v for v in range(cfg.n_functions * cfg.visits)]
+    names = [f"f{v % cfg.n_functions + 1}" for v in range(len(starts))]
+    figures = {"error": errors_over_time(lines, block * cfg.dt, starts, names)}
+    traces = {variant: learnt.trace for variant, learnt in found.items() if learnt.trace}
+    if traces:
+        t = cfg.dt * np.arange(next(iter(found.values())).rmse.size)
+        title = f"Online regression, seed {cfg.member}; dotted: the function changes"
+        figures["memory"] = memory_figure(traces, t, title, starts[1:], "t [s]")
+    return figures
 
 
 def _task(cfg: Any) -> None:
     plain = checked(cfg)
-    torch.set_num_threads(1)
     folder = Path(HydraConfig.get().runtime.output_dir)
-    command = command_line("experiments.online_regression")
     write_text(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
     start = time.perf_counter()
-    visits = plain.n_functions * plain.visits
-    with progress_bar(len(plain.variants) * visits, "visit") as bar:
-        found = {variant: learn(plain, variant, bar.update) for variant in plain.variants}
-    wall_s = time.perf_counter() - start
-    rows: list[tuple[object, ...]] = []
-    lines = []
-    for variant, learnt in found.items():
-        numbers = [interval(learnt.measures[name]) for name in MEASURES]
-        said = "-"
-        base = BASELINES.get(variant)
-        if base in found:
-            other = found[base].measures["after_switch"]
-            said = verdict(learnt.measures["after_switch"], other, lower_is_better=True)
-            said += f" ({base})"
-        rows.append((variant, *(value for pair in numbers for value in pair), said))
-        texts = [shown(*pair, 2 if n == 2 else 3) for n, pair in enumerate(numbers)]
-        lines.append([variant, *texts, said])
-    first = f"RMSE, first {plain.window:g} s"
-    header = ("variant", first, "RMSE, steady", "recovery [s]", "forgotten", "against")
-    table = markdown(header, lines)
-    note = (
-        f"{plain.n_functions} functions, {plain.visits} visits of {plain.visit_length:g} s each, "
-        f"{plain.seeds} seeds: mean and 95 % interval over visits that are returns. Recovery: "
-        "until the error is below half the functions' RMS (the whole visit, if never). Forgotten: "
-        "RMSE on a function just before it returns, less that when it was left. Last column: RMSE "
-        "after a switch, paired by seed."
-    )
-    figures, scalars = {}, {}
-    traces = {variant: learnt.trace for variant, learnt in found.items() if learnt.trace}
-    block = round(plain.window / plain.dt) // 4
-    for variant, learnt in found.items():
-        whole = learnt.rmse.size // block * block
-        blocks = learnt.rmse.reshape(-1)[:whole].reshape(-1, block)
-        scalars[f"{variant}/rmse"] = np.sqrt((blocks**2).mean(axis=1))
-    if plain.figures:
-        marks = [plain.visit_length * v for v in range(1, visits)]
-        x = {v: block * plain.dt * np.arange(len(scalars[f"{v}/rmse"])) for v in found}
-        shown_lines = {v: scalars[f"{v}/rmse"] for v in found}
-        labels = ("t [s]", "RMSE over seeds")
-        figures["error"] = curves(shown_lines, x, labels, "Online regression", False, marks)
-        if traces:
-            members = {v: trace.member() for v, trace in traces.items()}
-            t = plain.dt * np.arange(len(next(iter(traces.values())).attended))
-            title = f"Online regression, seed {plain.member}; dotted: the function changes"
-            figures["memory"] = mt.memory_figure(members, t, title, marks, "t [s]")
-    arrays = {f"{v}/{m}": a for v, learnt in found.items() for m, a in learnt.measures.items()}
-    arrays |= {f"{v}/rmse": learnt.rmse for v, learnt in found.items()}
-    arrays |= trace_arrays(traces)
-    record = {
-        "table": [dict(zip(HEADER, row, strict=True)) for row in rows],
-        "units": {"recovery_s": "s"},
-        "wall_s": wall_s,
-        "command": command,
-    }
-    report = f"`{command}`\n\n{table}\n\n{note}\n"
-    write_all(folder, plain, record, HEADER, rows, report, arrays, figures, scalars)
-    print(f"{table}\n\n{note} {wall_s:.0f} s in all\nwritten to {folder}", flush=True)
+    tuning = len(plain.rates) * plain.tuning_visits if len(plain.rates) > 1 else 0
+    total = len(plain.variants) * plain.n_functions * (plain.visits + tuning)
+    ready: dict[str, Learnt] = {}
+    given = [(plain, variant) for variant in plain.variants]
+    for number, learnt in in_parallel(learn, given, plain.workers, total, "visit", 1):
+        variant = plain.variants[number]
+        ready[variant] = learnt
+        write_arrays(folder / "finished" / f"{variant}.npz", learnt.arrays())
+    found = {variant: ready[variant] for variant in plain.variants}
+    report = reported(plain, found, time.perf_counter() - start)
+    write_report(folder, command_line("experiments.online_regression"), report)
+    write_pictures(folder, plain, report, pictures(plain, found) if plain.figures else {})
+    print(f"{report.comparison.markdown}\n\n{report.note}")
+    print(f"{report.record['wall_s']:.0f} s in all\nwritten to {folder}", flush=True)
 
 
 if __name__ == "__main__":

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import multiprocessing
+import math
 import time
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -12,26 +12,24 @@ from typing import Any, cast
 import numpy as np
 import torch
 from hydra.core.hydra_config import HydraConfig
+from matplotlib.figure import Figure
 from omegaconf import OmegaConf
 from torch import nn
 
-import mann_torch as mt
+from mann_torch import memory_figure
 from mann_torch.errors import ConfigError
-from mann_torch.memory import MemoryTrace
 
 from .cli import command_line, reject_unknown, run_cli
-from .figures import curves
+from .learning_figures import learning_curves
 from .memory_config import RecallConfig
 from .memory_report import (
-    check_at_least,
-    check_positive,
-    check_variants,
-    interval,
-    markdown,
-    shown,
-    trace_arrays,
-    verdict,
-    write_all,
+    Measure,
+    Report,
+    by_variant,
+    compare,
+    member_arrays,
+    write_pictures,
+    write_report,
 )
 from .recall_models import (
     LONG,
@@ -40,12 +38,14 @@ from .recall_models import (
     build_model,
     n_parameters,
     sequences,
+    step_labels,
     without_keys,
 )
-from .simulate import progress_bar
-from .writing import write_text
+from .setting_checks import check_between, check_positive, check_variants
+from .workers import in_parallel
+from .writing import write_arrays, write_text
 
-HEADER = ("variant", "accuracy", "half", "parameters", "iterations", "wall_s", "against_lstm")
+MEASURES = (Measure("accuracy", "accuracy", 2, lower_is_better=False),)
 POINTS = 50  # of a learning curve
 
 
@@ -58,7 +58,12 @@ class Learned:
     parameters: int
     iterations: int
     wall_s: float
-    trace: MemoryTrace | None
+    trace: dict[str, np.ndarray]  # of test sequence `member`, seed 0; empty without a memory
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All of it by name."""
+        numbers = {name: np.array(getattr(self, name)) for name in ("accuracy", "wall_s")}
+        return {**numbers, "loss": self.loss, **self.trace}
 
 
 def main() -> None:
@@ -71,26 +76,38 @@ def checked(cfg: Any) -> RecallConfig:
     reject_unknown(cfg, RecallConfig)
     plain = cast(RecallConfig, OmegaConf.to_object(cfg))
     check_variants(plain.variants, VARIANTS)
-    least = ("n_keys", "n_pairs", "n_slots", "hidden_size", "context_size", "batch", "longer")
-    check_at_least(plain, {**dict.fromkeys(least, 1), "n_values": 2, "iterations": POINTS})
-    check_at_least(plain, {"test_sequences": 1, "seeds": 1, "workers": 1, "member": 0, "seed": 0})
-    check_positive(plain, ("rate", "temperature"))
+    sizes = ("n_keys", "n_pairs", "n_slots", "hidden_size", "context_size")
+    check_between(plain, {**dict.fromkeys(sizes, (1, 1000)), "n_values": (2, 1000)})
+    check_between(plain, {"iterations": (POINTS, 10**6), "longer": (1, 1000), "seeds": (1, 1000)})
+    check_between(plain, dict.fromkeys(("batch", "test_sequences"), (1, 10**6)))
+    check_between(plain, {"workers": (1, 256), "member": (0, plain.test_sequences - 1)})
+    check_between(plain, {"seed": (0, 2**31)})
+    for name in ("rate", "temperature"):
+        check_positive(name, getattr(plain, name))
     if plain.n_pairs > plain.n_keys:
         raise ConfigError(f"n_pairs = {plain.n_pairs}: no key comes twice, n_keys is too small")
-    if plain.member >= plain.test_sequences:
-        raise ConfigError(f"member = {plain.member}: there are {plain.test_sequences} sequences")
     return plain
 
 
-def learn(cfg: RecallConfig, variant: str, seed: int) -> Learned:
-    """Train one model from one seed, then test it."""
+def n_iterations(cfg: RecallConfig, variant: str) -> int:
+    """Of one training."""
+    return cfg.iterations * (cfg.longer if variant.endswith(LONG) else 1)
+
+
+def learn(
+    cfg: RecallConfig,
+    variant: str,
+    seed: int,
+    progress: Callable[[int], object] = lambda n: None,
+) -> Learned:
+    """Train one model from one seed, then test it; all variants see the same sequences."""
     torch.set_num_threads(1)
-    torch.manual_seed(cfg.seed + seed)
-    generator = torch.Generator().manual_seed(cfg.seed + seed)
+    start_seed, generator, test = _draws(cfg, seed)
+    torch.manual_seed(start_seed)
     model = build_model(cfg, variant)
     free = [p for p in model.parameters() if p.requires_grad]
     optimizer = torch.optim.Adam(free, lr=cfg.rate)
-    iterations = cfg.iterations * (cfg.longer if variant.endswith(LONG) else 1)
+    iterations = n_iterations(cfg, variant)
     losses, start = np.zeros(iterations), time.perf_counter()
     for iteration in range(iterations):
         x, answer = sequences(cfg, cfg.batch, generator)
@@ -101,92 +118,98 @@ def learn(cfg: RecallConfig, variant: str, seed: int) -> Learned:
         nn.utils.clip_grad_norm_(free, 1.0)
         optimizer.step()
         losses[iteration] = loss.item()
+        progress(1)
     wall_s = time.perf_counter() - start
-    x, answer = sequences(cfg, cfg.test_sequences, torch.Generator().manual_seed(10**6 + seed))
+    x, answer = sequences(cfg, cfg.test_sequences, test)
     with torch.inference_mode():
         right = model(x)[cfg.n_pairs :].argmax(-1) == answer
-    trace = model.sequence.trace(x) if isinstance(model, Memory) and seed == 0 else None
+    trace: dict[str, np.ndarray] = {}
+    if isinstance(model, Memory) and seed == 0:
+        trace = member_arrays(model.sequence.trace(x), cfg.member)
+        trace["right"] = right[:, cfg.member].numpy()
     curve = np.array([part.mean() for part in np.array_split(losses, POINTS)])
     accuracy = float(right.double().mean())
     return Learned(accuracy, curve, n_parameters(model), iterations, wall_s, trace)
 
 
-def _all(cfg: RecallConfig) -> dict[str, list[Learned]]:
-    """Every variant from every seed, by `workers` processes."""
-    jobs = [(variant, seed) for variant in cfg.variants for seed in range(cfg.seeds)]
-    found: dict[tuple[str, int], Learned] = {}
-    with progress_bar(len(jobs), "training") as bar:
-        if cfg.workers == 1:
-            for job in jobs:
-                found[job] = learn(cfg, *job)
-                bar.update()
-        else:
-            context = multiprocessing.get_context("spawn")
-            with ProcessPoolExecutor(cfg.workers, mp_context=context) as pool:
-                waiting = {pool.submit(learn, cfg, *job): job for job in jobs}
-                for done in as_completed(waiting):
-                    found[waiting[done]] = done.result()
-                    bar.update()
-    return {v: [found[v, seed] for seed in range(cfg.seeds)] for v in cfg.variants}
+def _draws(cfg: RecallConfig, seed: int) -> tuple[int, torch.Generator, torch.Generator]:
+    """A seed for the first weights, and generators for training and for test sequences."""
+    state = np.random.SeedSequence([cfg.seed, seed]).generate_state(3, np.uint64)
+    start, train, test = (int(number >> 1) for number in state)
+    return start, torch.Generator().manual_seed(train), torch.Generator().manual_seed(test)
+
+
+def reported(cfg: RecallConfig, found: Mapping[str, list[Learned]], wall_s: float) -> Report:
+    """Table, record and arrays of a run."""
+    accuracy = {v: np.array([run.accuracy for run in runs]) for v, runs in found.items()}
+    extra: dict[str, dict[str, object]] = {
+        "parameters": {v: runs[0].parameters for v, runs in found.items()},
+        "iterations": {v: runs[0].iterations for v, runs in found.items()},
+        "training [s]": {
+            v: round(float(np.mean([run.wall_s for run in runs])), 1) for v, runs in found.items()
+        },
+        "least": {v: f"{values.min():.2f}" for v, values in accuracy.items()},
+        "most": {v: f"{values.max():.2f}" for v, values in accuracy.items()},
+    }
+    keyless = without_keys(sequences(cfg, cfg.test_sequences, _draws(cfg, 0)[2])[1])
+    note = (
+        f"{cfg.n_pairs} pairs of {cfg.n_keys} keys and {cfg.n_values} values; guessing gives "
+        f"{1 / cfg.n_values:.2f}, always answering the value shown most often {keyless:.2f}. "
+        f"Accuracy on {cfg.test_sequences} new sequences: mean and 95 % interval over {cfg.seeds} "
+        "seeds, least and most of them. Better, worse: than lstm, paired by seed, at 95 %."
+    )
+    losses = {v: np.stack([run.loss for run in runs]) for v, runs in found.items()}
+    arrays = {
+        v: {**runs[0].trace, "accuracy": accuracy[v], "loss": losses[v]}
+        for v, runs in found.items()
+    }
+    baselines = {v: "lstm" for v in found if v != "lstm"}
+    return Report(
+        compare(MEASURES, {v: {"accuracy": a} for v, a in accuracy.items()}, baselines, extra),
+        note,
+        {"guessing": 1 / cfg.n_values, "without_keys": keyless, "wall_s": wall_s},
+        by_variant(arrays),
+        {f"{v}/loss": values.mean(axis=0) for v, values in losses.items()},
+        {},
+    )
+
+
+def pictures(cfg: RecallConfig, found: Mapping[str, list[Learned]]) -> dict[str, Figure]:
+    """Learning curves, and what each memory did in one sequence."""
+    losses = {v: np.stack([run.loss for run in runs]) for v, runs in found.items()}
+    iterations = {v: runs[0].iterations for v, runs in found.items()}
+    figures = {"learning": learning_curves(losses, iterations, math.log(cfg.n_values))}
+    traces = {v: runs[0].trace for v, runs in found.items() if runs[0].trace}
+    if traces:
+        title = f"Recall, test sequence {cfg.member}: key = value shown, then key? (! wrong)"
+        figure = memory_figure(traces, None, title, [cfg.n_pairs - 0.5])
+        x = sequences(cfg, cfg.test_sequences, _draws(cfg, 0)[2])[0]
+        lower = [ax for ax in figure.axes if ax.get_xlabel()]
+        for ax, trace in zip(lower, traces.values(), strict=True):
+            labels = step_labels(cfg, x[:, cfg.member], trace["right"])
+            ax.set_xticks(range(len(labels)), labels, fontsize="x-small", rotation=90)
+        figures["memory"] = figure
+    return figures
 
 
 def _task(cfg: Any) -> None:
     plain = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
-    command = command_line("experiments.recall")
     write_text(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
     start = time.perf_counter()
-    found = _all(plain)
-    wall_s = time.perf_counter() - start
-    accuracy = {v: np.array([run.accuracy for run in runs]) for v, runs in found.items()}
-    rows: list[tuple[object, ...]] = []
-    lines = []
-    for variant, runs in found.items():
-        mean, half = interval(accuracy[variant])
-        said = "-"
-        if "lstm" in accuracy and variant != "lstm":
-            said = verdict(accuracy[variant], accuracy["lstm"], lower_is_better=False)
-        size, iterations = runs[0].parameters, runs[0].iterations
-        seconds = float(np.mean([run.wall_s for run in runs]))
-        rows.append((variant, mean, half, size, iterations, seconds, said))
-        lines.append(
-            [variant, shown(mean, half, 2), str(size), str(iterations), f"{seconds:.1f}", said]
-        )
-    header = ("variant", "accuracy", "parameters", "iterations", "training [s]", "against lstm")
-    table = markdown(header, lines)
-    test = sequences(plain, plain.test_sequences, torch.Generator().manual_seed(10**6))
-    keyless = without_keys(test[1])
-    note = (
-        f"{plain.n_pairs} pairs of {plain.n_keys} keys and {plain.n_values} values; guessing gives "
-        f"{1 / plain.n_values:.2f}, always "
-        f"answering the value shown most often {keyless:.2f}. Mean and 95 % interval over "
-        f"{plain.seeds} seeds."
-    )
-    figures, traces = {}, {v: runs[0].trace for v, runs in found.items() if runs[0].trace}
-    if plain.figures:
-        x = {v: np.linspace(0, runs[0].iterations, POINTS) for v, runs in found.items()}
-        lines_of = {v: np.mean([run.loss for run in runs], axis=0) for v, runs in found.items()}
-        figures["learning"] = curves(lines_of, x, ("iteration", "cross entropy"), "Recall", True)
-        if traces:
-            members = {v: trace.member(plain.member) for v, trace in traces.items()}
-            t = np.arange(2 * plain.n_pairs)
-            title = f"Recall, test sequence {plain.member}: shown, then asked for"
-            figures["memory"] = mt.memory_figure(members, t, title, [plain.n_pairs - 0.5])
-    arrays = {f"{v}/accuracy": values for v, values in accuracy.items()}
-    arrays |= {f"{v}/loss": np.stack([run.loss for run in runs]) for v, runs in found.items()}
-    record = {
-        "accuracy": {v: values.tolist() for v, values in accuracy.items()},
-        "table": [dict(zip(HEADER, row, strict=True)) for row in rows],
-        "guessing": 1 / plain.n_values,
-        "without_keys": keyless,
-        "wall_s": wall_s,
-        "command": command,
-    }
-    scalars = {f"{v}/loss": np.mean([run.loss for run in runs], 0) for v, runs in found.items()}
-    report = f"`{command}`\n\n{table}\n\n{note}\n"
-    arrays |= trace_arrays(traces, plain.member)
-    write_all(folder, plain, record, HEADER, rows, report, arrays, figures, scalars)
-    print(f"{table}\n\n{note} {wall_s:.0f} s in all\nwritten to {folder}", flush=True)
+    given = [(plain, variant, seed) for variant in plain.variants for seed in range(plain.seeds)]
+    total = sum(n_iterations(plain, variant) for _, variant, _ in given)
+    ready: dict[tuple[str, int], Learned] = {}
+    for number, learned in in_parallel(learn, given, plain.workers, total, "iteration", 20):
+        _, variant, seed = given[number]
+        ready[variant, seed] = learned
+        write_arrays(folder / "finished" / f"{variant}_{seed}.npz", learned.arrays())
+    found = {v: [ready[v, seed] for seed in range(plain.seeds)] for v in plain.variants}
+    report = reported(plain, found, time.perf_counter() - start)
+    write_report(folder, command_line("experiments.recall"), report)
+    write_pictures(folder, plain, report, pictures(plain, found) if plain.figures else {})
+    print(f"{report.comparison.markdown}\n\n{report.note}")
+    print(f"{report.record['wall_s']:.0f} s in all\nwritten to {folder}", flush=True)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -31,6 +32,15 @@ def sequences(cfg: RecallConfig, count: int, generator: torch.Generator) -> tupl
     asked[..., -1] = 1.0
     x = torch.cat([shown, asked], dim=1).transpose(0, 1).float()
     return x, values.gather(1, order).T
+
+
+def step_labels(cfg: RecallConfig, x: Tensor, right: np.ndarray) -> list[str]:
+    """What each step of one sequence (2 P, I) shows or asks; `right` (P,) are its answers."""
+    keys = x[:, : cfg.n_keys].argmax(dim=-1).tolist()
+    values = x[: cfg.n_pairs, cfg.n_keys : -1].argmax(dim=-1).tolist()
+    shown = [f"{key} = {value}" for key, value in zip(keys, values, strict=False)]
+    marks = ["" if good else " !" for good in right]
+    return shown + [f"{k}?{mark}" for k, mark in zip(keys[cfg.n_pairs :], marks, strict=True)]
 
 
 def without_keys(answer: Tensor) -> float:
@@ -96,7 +106,11 @@ def build_model(cfg: RecallConfig, variant: str) -> nn.Module:
     if variant in ATTENTIONS:
         return Memory(cfg, n_inputs, ATTENTIONS[variant](cfg))
     target = n_parameters(Memory(cfg, n_inputs, mt.SoftAttention()))
-    kind = RNNS[variant.removesuffix(LONG)]
-    sizes = range(1, 4 * cfg.hidden_size + 2)
-    models = (Recurrent(kind, n_inputs, size, cfg.n_values) for size in sizes)
-    return min(models, key=lambda model: abs(n_parameters(model) - target))
+    kind, size = RNNS[variant.removesuffix(LONG)], 1
+    best = Recurrent(kind, n_inputs, size, cfg.n_values)
+    while n_parameters(best) < target:  # the count grows with the size
+        size += 1
+        last, best = best, Recurrent(kind, n_inputs, size, cfg.n_values)
+        if target - n_parameters(last) < n_parameters(best) - target:
+            return last
+    return best

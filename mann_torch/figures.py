@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-COLUMNS = 3  # memories side by side
+COLUMNS = 3  # memories side by side, at most
 
 
 def memory_figure(
@@ -30,8 +30,8 @@ def memory_figure(
     >>> len(memory_figure({"second": trace.member(1)}).axes)
     4
     """
-    columns = min(COLUMNS, len(runs))
-    blocks = -(-len(runs) // columns)
+    blocks = -(-len(runs) // COLUMNS)
+    columns = -(-len(runs) // blocks)
     figure = Figure(figsize=(max(8.0, 5.2 * columns), 5.2 * blocks + 0.4), layout="constrained")
     axes = figure.subplots(2 * blocks, columns, squeeze=False, height_ratios=(1, 2) * blocks)
     for place, (name, run) in enumerate(runs.items()):

@@ -1,0 +1,32 @@
+"""Checks of plain settings, each a `ConfigError` that names the setting."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from mann_torch.errors import ConfigError
+
+
+def check_between(cfg: Any, limits: Mapping[str, tuple[int, int]]) -> None:
+    """Raise `ConfigError` for a setting outside its least and largest value."""
+    for name, (least, most) in limits.items():
+        value = getattr(cfg, name)
+        if not least <= value <= most:
+            raise ConfigError(f"{name} = {value}: must be {least} to {most}")
+
+
+def check_positive(name: str, value: float) -> None:
+    """Raise `ConfigError` for a number that is not finite and > 0."""
+    if not (math.isfinite(value) and value > 0):
+        raise ConfigError(f"{name} = {value}: must be finite and > 0")
+
+
+def check_variants(chosen: Sequence[str], known: Sequence[str]) -> None:
+    """Raise `ConfigError` for no variant, an unknown one or one twice."""
+    for name in chosen:
+        if name not in known:
+            raise ConfigError(f"unknown variant '{name}'; choose from {', '.join(known)}")
+    if not chosen or len(set(chosen)) < len(chosen):
+        raise ConfigError(f"variants = {list(chosen)}: name each once, at least one")
