@@ -25,7 +25,7 @@ def run(made: Case, **options: object) -> mt.Trajectory:
 def test_effort_is_that_of_the_torques_the_controller_gave(engine: str) -> None:
     made = noisy("hard_state_keys", rate=100.0)
     with torch.no_grad():
-        trajectory = run(made, engine=engine, effort_after=0.05, sample_dt=1e-9)
+        trajectory = run(made, engine=engine, effort_after=0.05, sample_dt=1e-5)
         # Decisions fall at a step's start, before the torque.
         starts = trajectory.sample_t[:-1]
         shifted = dataclasses.replace(

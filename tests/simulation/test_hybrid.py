@@ -80,9 +80,12 @@ def check_against_differences(name: str, constant: str, engine: str, horizon: fl
     ("name", "constant"),
     [
         ("hard", "write_gain"),
-        ("hard_state_keys", "write_gain"),
+        pytest.param("hard_state_keys", "write_gain", marks=pytest.mark.slow),
         ("reallocating_initial", "shift_threshold"),
-        *(("reallocating_always", constant) for constant in CONSTANTS),
+        *(
+            pytest.param("reallocating_always", constant, marks=pytest.mark.slow)
+            for constant in CONSTANTS
+        ),
         *(("reallocating_always_state_keys", constant) for constant in CONSTANTS),
     ],
 )
