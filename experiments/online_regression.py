@@ -97,6 +97,7 @@ def learn(
     cfg: OnlineRegressionConfig, variant: str, progress: Callable[[int], object] = lambda n: None
 ) -> Learnt:
     """Choose the variant's rate on streams of their own, then take it to the test's."""
+    torch.set_num_threads(1)  # the tensors are small
     scores = []
     for rate in cfg.rates if len(cfg.rates) > 1 else ():
         tried = one_pass(cfg, variant, rate, TUNING, cfg.tuning_visits, progress)

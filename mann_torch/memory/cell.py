@@ -40,8 +40,9 @@ class MemoryCell(DesignModule):
     layer makes of it. `features` replaces the first layer: any module (..., input_size) ->
     (..., hidden_size), made float64. `clock=True` lets a layer scale each step's dt by 2 sigmoid
     (c'x + b), between 0 and 2: time stands still for what is not to be written. Constants, frozen
-    until `tune` names them: `dt`, `write_gain` (c_w), and those of attention and key rule. `slots`
-    and `slot_keys`, learnable, are what a run starts from, unless `memory.store_` gave contents.
+    until `tune` names them: `dt` (in units of the write law's time constant, 1 s in the paper),
+    `write_gain` (c_w [-]), and those of attention and key rule. `slots` and `slot_keys`, learnable,
+    are what a run starts from, unless `memory.store_` gave contents.
 
     Gradients flow through contents and, under soft and relaxed attention, through the weights.
     Hard and reallocating attention choose: through the choice there is none (`relaxed(cell, T)`
