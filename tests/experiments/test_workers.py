@@ -58,7 +58,14 @@ def test_stopped_in_the_middle_it_leaves_no_process_and_what_is_finished(
 ) -> None:
     command = [sys.executable, "-m", "experiments.recall", "variants=[lstm,lstm_long]", "seeds=1"]
     command += ["iterations=50", "longer=1000", "batch=2", f"run_dir={tmp_path / 'run'}"]
-    run = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    run = subprocess.Popen(
+        command,
+        cwd=ROOT,
+        stderr=subprocess.PIPE,
+        text=True,
+        # A shell starts background jobs with SIGINT ignored, and that is inherited.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     first = tmp_path / "run" / "finished" / "lstm_0.npz"
     for _ in range(600):
         if first.exists() or run.poll() is not None:

@@ -61,7 +61,7 @@ def test_gradients_equal_those_of_torch(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("name", "constant"),
-    [("hard", "write_gain")]
+    [pytest.param("hard", "write_gain", marks=pytest.mark.slow)]
     + [(QUICK[0], constant) for constant in ("write_gain", "shift_threshold")],
 )
 def test_equal_to_central_differences(name: str, constant: str) -> None:
@@ -77,6 +77,7 @@ def test_segments_give_the_same_bits() -> None:
         assert all(torch.equal(pieces[key], whole[key]) for key in whole)
 
 
+@pytest.mark.slow
 def test_chattering_is_averaged_and_counted_over_a_minute() -> None:
     """Hard attention, scenario 1: the paper's controller, in which event times need not exist."""
     made = configured("controller=hard", horizon=60.0, draws=4)

@@ -69,12 +69,8 @@ def both(made: Case | Experiment, *arguments: object, **options: object) -> list
 QUICK = (
     ("nn", "scaled"),
     ("soft_state_keys", "scaled"),
-    ("hard", "scaled"),
     ("hard_state_keys", "scaled"),
-    ("reallocating_initial", "scaled"),
     ("reallocating_always_state_keys", "scaled"),
-    ("reallocating_always_state_keys", "raw"),
-    ("relaxed_hard", "scaled"),
     ("relaxed_always_state_keys", "scaled"),
 )
 

@@ -14,6 +14,7 @@ from mann_torch.simulation.compiling import CompiledOrEager
 ROOT = Path(__file__).parent.parent.parent
 
 
+@pytest.mark.slow
 def test_without_a_compiler_the_run_goes_on_in_eager_and_says_so(tmp_path: Path) -> None:
     environment = {**os.environ, "CXX": "/nonexistent/c++"}
     environment["TORCHINDUCTOR_CACHE_DIR"] = str(tmp_path / "cache")

@@ -86,7 +86,8 @@ def check_against_differences(name: str, constant: str, engine: str, horizon: fl
             pytest.param("reallocating_always", constant, marks=pytest.mark.slow)
             for constant in CONSTANTS
         ),
-        *(("reallocating_always_state_keys", constant) for constant in CONSTANTS),
+        ("reallocating_always_state_keys", "shift_threshold"),
+        pytest.param("reallocating_always_state_keys", "write_gain", marks=pytest.mark.slow),
     ],
 )
 def test_equal_to_central_differences(name: str, constant: str) -> None:
