@@ -39,7 +39,14 @@ def golden_checks(variant: str, scenarios: list[str], *overrides: str) -> list[C
     return found
 
 
-@pytest.mark.parametrize("variant", CONTROLLERS)
+#: Each compiles a kernel on a bare machine; `make check` has them all.
+QUICK = ("nn", "soft", "hard", "reallocating_always")
+
+
+@pytest.mark.parametrize(
+    "variant",
+    [v if v in QUICK else pytest.param(v, marks=pytest.mark.slow) for v in CONTROLLERS],
+)
 def test_every_golden_run_agrees_at_the_default_step(variant: str) -> None:
     golden = golden_file(config())
     assert golden is not None

@@ -19,9 +19,7 @@ B, S, N, WIDTH = 6, 4, 7, 3
 #: Graphs that differ most; `make check` compiles them all.
 QUICK = {
     ("soft", "representation"),
-    ("hard", "state"),
     ("reallocating_always", "state"),
-    ("relaxed_always", "representation"),
 }
 
 

@@ -81,6 +81,7 @@ def test_every_experiment_file_runs_short(
             assert arrays["srmse"].shape == (len(arrays["scenarios"]), 2, 2)
 
 
+@pytest.mark.slow
 def test_workers_give_the_same_numbers_as_one_process(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

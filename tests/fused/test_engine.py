@@ -161,6 +161,7 @@ def test_kept_motion_is_thinned_inside_the_kernel_and_srmse_is_not() -> None:
         pytest.param(mt.RelaxedAttention(0.05, "always"), marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.slow
 def test_more_neurons_and_slots_than_are_unrolled(attention: mt.Attention) -> None:
     memory = mt.WorkingMemory(18, 23, attention)
     loop = mt.ClosedLoop(mt.TwoLinkArm(), mt.MannController(2, 23, memory))

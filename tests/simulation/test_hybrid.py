@@ -79,7 +79,7 @@ def check_against_differences(name: str, constant: str, engine: str, horizon: fl
 @pytest.mark.parametrize(
     ("name", "constant"),
     [
-        ("hard", "write_gain"),
+        pytest.param("hard", "write_gain", marks=pytest.mark.slow),
         pytest.param("hard_state_keys", "write_gain", marks=pytest.mark.slow),
         ("reallocating_initial", "shift_threshold"),
         *(

@@ -158,7 +158,7 @@ def test_a_dead_sample_leaks_no_nan_into_shared_gradients() -> None:
     torch.testing.assert_close(gradient([0, 1, 2, 3]), gradient([1, 2, 3]), rtol=1e-12, atol=0)
 
 
-@pytest.mark.parametrize("name", ["nn", "soft"])
+@pytest.mark.parametrize("name", [pytest.param("nn", marks=pytest.mark.slow), "soft"])
 def test_gradients_of_smooth_loops_match_central_differences(name: str) -> None:
     loop, scenario = make_loop(name), make_scenario(0.5, jumps=(0.25,))
     controller = loop.controller
