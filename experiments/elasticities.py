@@ -9,11 +9,13 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from mann_torch import Trajectory, reallocations, srmse, switches
+from mann_torch import Outcome, reallocations, srmse, switches
 from mann_torch.tuning import (
     PATHWISE,
+    TOTALS,
     Coordinates,
     Ensemble,
+    Judged,
     Slope,
     control_of,
     differences,
@@ -97,17 +99,18 @@ def estimate_all(
     """Every mode at the present constants. `progress` hears what comes next."""
     members, zero = len(ensemble), torch.zeros(coordinates.size, dtype=torch.float64)
 
-    def judge(trajectory: Trajectory) -> Tensor:
-        joints = srmse(trajectory)
+    def of_joints(run: Outcome) -> Tensor:
+        joints = srmse(run)
         return joints.square().sum(-1).sqrt() if cfg.joint == 0 else joints[..., cfg.joint - 1]
 
     events: dict[str, list[int]] = {}
 
-    def watched(trajectory: Trajectory) -> Tensor:
-        if trajectory.events is not None:
-            events.update({k: v.tolist() for k, v in trajectory.events._asdict().items()})
-        return judge(trajectory)
+    def watch(run: Outcome) -> Tensor:
+        if run.events is not None:
+            events.update({k: v.tolist() for k, v in run.events._asdict().items()})
+        return of_joints(run)
 
+    judge, watched = Judged(of_joints, TOTALS), Judged(watch, TOTALS)
     points: list[tuple[Tensor, Tensor]] = []
 
     def values(z: Tensor) -> Tensor:
@@ -117,7 +120,7 @@ def estimate_all(
 
     progress("present constants")
     with torch.no_grad():
-        now = ensemble.run({})
+        now = ensemble.run({}, recording=TOTALS)
     each = judge(now)
     level = float(each.mean())
     estimates = []

@@ -117,6 +117,10 @@ class DesignModule(nn.Module):
                 for name in module._domains:
                     yield name, module
 
+    def domains(self) -> dict[str, Domain]:
+        """Domain by name of the constants of this very module, without its parts."""
+        return dict(self._domains)
+
     def owner(self, name: str) -> DesignModule:
         """The part that holds the constant `name`; `ConfigError` if not just one does."""
         owners = list(self._owners())

@@ -21,6 +21,10 @@ class DtypeError(ConfigError):
     """A tensor is not float64. float32 time has steps of 3e-5 s at t = 329 s."""
 
 
+class RecordError(ConfigError):
+    """A rollout did not keep what it is asked for; the message says what to ask of it."""
+
+
 class WeightsFileError(ConfigError):
     """A file of initial weights is missing, unreadable or does not fit."""
 

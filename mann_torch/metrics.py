@@ -5,12 +5,12 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from .errors import ConfigError
-from .simulation import Effort, Status, Trajectory
+from .errors import RecordError
+from .simulation import Effort, Motion, Outcome, Status
 from .simulation.step_grid import MERGE, counted_in, shares_of
 
 
-def srmse(trajectory: Trajectory, after: float | None = None) -> Tensor:
+def srmse(trajectory: Outcome, after: float | None = None) -> Tensor:
     """Sample root mean square error per joint, (..., n) [rad].
 
     The mean over all step times up to each sample's horizon, whatever part of the motion was kept,
@@ -19,7 +19,7 @@ def srmse(trajectory: Trajectory, after: float | None = None) -> Tensor:
     tables print 10^3 times this. With `motion_dt`, an error after `after` of less than 1e-7 of the
     whole is lost in rounding.
 
-    Raises `ConfigError` where `motion_dt` kept no motion at `after`.
+    Raises `RecordError` where no motion was kept at `after`.
     """
     step_t, horizon = trajectory.step_t, trajectory.horizon
     counted = counted_in(step_t, horizon)
@@ -29,19 +29,25 @@ def srmse(trajectory: Trajectory, after: float | None = None) -> Tensor:
     if after is not None:
         later = step_t > after + MERGE
         counted = counted & later.reshape(column)
-        rows = len(trajectory.t)
-        if torch.equal(trajectory.t, step_t[:rows]):
+        motion = _motion(trajectory)
+        if motion.complete:
             # All motion is kept: no difference of integrals, which would lose a small late error.
-            weights = (shares * counted)[:rows].unsqueeze(-1)
-            total = (weights * trajectory.error.square()).sum(dim=0)
+            weights = (shares * counted)[: len(motion.t)].unsqueeze(-1)
+            total = (weights * motion.error.square()).sum(dim=0)
         else:
-            until = _integral_until(trajectory, int((~later).sum()) - 1)
+            until = _integral_until(motion, int((~later).sum()) - 1)
             total = (total - until).clamp(min=0.0)
     length = (shares * counted).sum(dim=0)
     return _root_mean(total, length, (trajectory.status == int(Status.OK)) & (length > 0))
 
 
-def _integral_until(trajectory: Trajectory, step: int) -> Tensor:
+def _motion(trajectory: Outcome) -> Motion:
+    if not isinstance(trajectory, Motion):
+        raise RecordError("no motion was kept at `after`: declare a motion_dt that divides it")
+    return trajectory
+
+
+def _integral_until(trajectory: Motion, step: int) -> Tensor:
     """The integral of squared error up to a step, (..., n)."""
     if step < 0:
         return torch.zeros_like(trajectory.squared_error[-1])
@@ -50,17 +56,17 @@ def _integral_until(trajectory: Trajectory, step: int) -> Tensor:
     if row >= len(trajectory.t):  # everything failed before
         return trajectory.squared_error[-1]
     if trajectory.t[row] != time:
-        raise ConfigError(
+        raise RecordError(
             f"no motion was kept at t = {float(time):.6g} s: take a motion_dt that divides `after`"
         )
     return trajectory.squared_error[row]
 
 
-def torque_rate(trajectory: Trajectory) -> Tensor:
+def torque_rate(trajectory: Outcome) -> Tensor:
     """Root mean square torque rate per joint, (..., n) [N m/s].
 
     What changes in the torque from one step's start to the next, over the step between: what noise
-    on the measurements costs an actuator. NaN for a sample that diverged. Raises `ConfigError`
+    on the measurements costs an actuator. NaN for a sample that diverged. Raises `RecordError`
     where the rollout was not asked for effort.
     """
     effort = _effort(trajectory)
@@ -71,18 +77,18 @@ def torque_rate(trajectory: Trajectory) -> Tensor:
     return _root_mean(effort.rate_square[-1], span, ok)
 
 
-def peak_torque(trajectory: Trajectory) -> Tensor:
+def peak_torque(trajectory: Outcome) -> Tensor:
     """Largest |torque| per joint since the rollout's `effort_after`, (..., n) [N m].
 
-    NaN for a sample that diverged. Raises `ConfigError` where the rollout was not asked for effort.
+    NaN for a sample that diverged. Raises `RecordError` where the rollout was not asked for effort.
     """
     peak = _effort(trajectory).peak[-1]
     return torch.where((trajectory.status == int(Status.OK)).unsqueeze(-1), peak, torch.nan)
 
 
-def _effort(trajectory: Trajectory) -> Effort:
+def _effort(trajectory: Outcome) -> Effort:
     if trajectory.effort is None:
-        raise ConfigError("effort was not measured: give rollout an `effort_after`")
+        raise RecordError("effort was not measured: give rollout an `effort_after`")
     return trajectory.effort
 
 
@@ -95,17 +101,17 @@ def _root_mean(total: Tensor, length: Tensor, ok: Tensor) -> Tensor:
     return torch.where(ok, root, torch.nan)
 
 
-def reallocations(trajectory: Trajectory) -> Tensor:
+def reallocations(trajectory: Outcome) -> Tensor:
     """Number of slot resets, (...,) int64; 0 without a memory."""
     return _count(trajectory, "reallocations")
 
 
-def switches(trajectory: Trajectory) -> Tensor:
+def switches(trajectory: Outcome) -> Tensor:
     """Number of times the attended slot changed from step to step, (...,) int64."""
     return _count(trajectory, "switches")
 
 
-def _count(trajectory: Trajectory, name: str) -> Tensor:
+def _count(trajectory: Outcome, name: str) -> Tensor:
     if trajectory.final_mode is None:
         return torch.zeros_like(trajectory.status)
     count: Tensor = getattr(trajectory.final_mode, name)

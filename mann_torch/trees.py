@@ -69,6 +69,12 @@ def _builder(template: Any, slots: Iterator[int]) -> Callable[[Sequence[Tensor]]
     return lambda parts: kind(*[branch(parts) for branch in branches])
 
 
+def rebuilt(template: Tree, parts: Sequence[Tensor]) -> Tree:
+    """The template's form with other tensors, in the order of `leaves`."""
+    tree: Tree = _builder(template, iter(range(len(parts))))(parts)
+    return tree
+
+
 class Packer(Generic[Tree]):
     """Turns a tree of tensors (*batch, *event) into one (*batch, M) and back.
 

@@ -21,6 +21,18 @@ def test_the_first_snippet_prints_a_gradient() -> None:
     assert "c_w" in label and float(value) != 0.0
 
 
+def test_the_tuners_snippet_lowers_a_judge_of_ones_own() -> None:
+    first, second = re.findall(r"```python\n(.*?)```", README.split("## The memory")[0], re.S)
+    names: dict[str, object] = {}
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(io.StringIO()):
+        exec(compile(first, "README.md", "exec"), names)
+    with contextlib.redirect_stdout(printed):
+        exec(compile(second, "README.md", "exec"), names)
+    told = [float(line) for line in printed.getvalue().split()]
+    assert len(told) == 10 and told[-1] < 0.95 < told[0]
+
+
 def test_the_memorys_snippet_runs_as_printed() -> None:
     (snippet,) = re.findall(
         r"## The memory alone\n.*?```python\n(.*?)```", README.split("## Two engines")[0], re.S

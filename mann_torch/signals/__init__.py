@@ -1,6 +1,6 @@
 """Reference trajectories and parameter schedules."""
 
-from .noise import MeasurementNoise, NoiseTable, noise_at
+from .noise import MeasurementNoise, NoiseTable, noise_at, scaled
 from .reference import Reference, Sampler, Sinusoid
 from .schedule import PiecewiseConstant, growing_square, multiplied
 
@@ -14,4 +14,5 @@ __all__ = [
     "growing_square",
     "multiplied",
     "noise_at",
+    "scaled",
 ]

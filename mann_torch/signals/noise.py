@@ -27,9 +27,13 @@ class NoiseTable(NamedTuple):
 
 def noise_at(table: NoiseTable, instants: Tensor) -> Measurement:
     """What the sensors add at sampling instants (K,) or (): each member (K, ..., n)."""
-    unit = table.unit[:, instants].movedim(0, -2)[..., table.row, :]
+    return scaled(table.unit[:, instants].movedim(0, -2)[..., table.row, :], table.std)
+
+
+def scaled(unit: Tensor, std: Tensor) -> Measurement:
+    """Unit normal numbers (..., 2n) as noise of standard deviations (..., 2)."""
     n = unit.shape[-1] // 2
-    return Measurement(unit[..., :n] * table.std[..., :1], unit[..., n:] * table.std[..., 1:])
+    return Measurement(unit[..., :n] * std[..., :1], unit[..., n:] * std[..., 1:])
 
 
 class MeasurementNoise:

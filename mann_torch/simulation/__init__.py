@@ -10,7 +10,7 @@ from .rollout import ENGINES, check_engine, rollout
 from .scenario import Scenario
 from .solver import Flow, Solver
 from .task import Effort
-from .trajectory import Status, Trajectory
+from .trajectory import Motion, Outcome, Status, Trajectory
 
 #: Names a configuration may use.
 SOLVERS: tuple[str, ...] = ("implicit", *METHODS)
@@ -25,7 +25,9 @@ __all__ = [
     "EventCounts",
     "Flow",
     "Implicit",
+    "Motion",
     "Odeint",
+    "Outcome",
     "Scenario",
     "Solver",
     "Status",

@@ -65,7 +65,8 @@ def rollout(
         sample_dt: interval [s] at which whole states are kept.
         sample_until: time [s] after which no whole states are kept.
         motion_dt: interval [s] at which joint motion and the integral of squared error are kept;
-            every step if not given. The integral counts every step in any case.
+            every step if not given. The integral counts every step in any case. Where nothing is
+            kept between the ends, `Trajectory.error` is refused.
         effort_after: if given, torque rates are measured, and peak torques from this time on [s]
             (`torque_rate`, `peak_torque`).
         divergence_limit: a sample with a state entry beyond this, or NaN, is frozen there and

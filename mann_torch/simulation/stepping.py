@@ -32,6 +32,37 @@ class Carry(NamedTuple):
     events: EventCounts | None = None  # so far; None in plain steps
 
 
+def advance(
+    loop: ClosedLoop,
+    solver: Solver,
+    packer: Packer[LoopState],
+    rates: Callable[..., Any],
+    effort: bool,
+    t: Tensor,
+    h: Tensor,
+    y: Tensor,
+    mode: Mode,
+    reference: Reference,
+    coefficients: Coefficients,
+    noise: Measurement | None = None,
+    moving: Tensor | None = None,
+) -> tuple[Tensor, Mode, Tensor | None]:
+    """Jump and flow: the step that every engine takes.
+
+    State (..., M) and mode after it, and with `effort` the torque (..., n) at its start [N m].
+    `rates` are `flat_rates` of the loop.
+    """
+    if mode is not None:
+        state, mode = loop.jump(t, packer.unpack(y), mode, reference, noise)
+        if loop.controller.reallocates:
+            y = packer.pack(state)
+    torque = None
+    if effort:
+        torque = loop.observe(t, packer.unpack(y), mode, reference, noise).torque
+    flow = FlatFlow(rates, (mode, reference, coefficients, noise), moving)
+    return solver.step(flow, t, h, y), mode, torque
+
+
 class Stepper:
     """One jump and one solver step of the whole batch, compiled if asked for."""
 
@@ -83,16 +114,10 @@ class Stepper:
         noise: Measurement | None,
         moving: Tensor | None,
     ) -> Carry:
-        y, mode = carry.y, carry.mode
-        if mode is not None:
-            state, mode = self._loop.jump(t, self._packer.unpack(y), mode, reference, noise)
-            if self._loop.controller.reallocates:
-                y = self._packer.pack(state)
-        torque = None
-        if self._effort:
-            torque = self._loop.observe(t, self._packer.unpack(y), mode, reference, noise).torque
-        flow = FlatFlow(self._rates, (mode, reference, coefficients, noise), moving)
-        y = self._solver.step(flow, t, h, y)
+        y, mode, torque = advance(
+            self._loop, self._solver, self._packer, self._rates, self._effort,
+            t, h, carry.y, carry.mode, reference, coefficients, noise, moving,
+        )  # fmt: skip
         # NaN compares as False, so that this catches it too.
         return Carry(y, mode, y.abs().amax(dim=-1) < self._limit, torque)
 

@@ -1,15 +1,20 @@
-"""The result of a rollout."""
+"""The result of a rollout: what it came to, the joints' motion, whole states."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
+from typing import TYPE_CHECKING, NoReturn, TypeVar
 
+import torch
 from torch import Tensor
 
+from ..errors import RecordError
 from ..signals import Reference
+from ..trees import map_tensors
 from ..types import LoopState, Mode, ReferenceSample
 from .events import EventCounts
+from .step_grid import counted_in
 from .task import Effort
 
 
@@ -21,23 +26,19 @@ class Status(IntEnum):
     NOT_FINITE = 2  # an entry became NaN or inf, or the solver could not continue
 
 
-@dataclass(frozen=True)
-class Trajectory:
-    """Joint motion at step times, the whole state at samples, and one status per sample.
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What a rollout came to: totals over all its steps, and one status per sample.
 
-    Rows of a sample after `stopped_at` repeat its last good state.
+    All that the metrics read, unless they leave out a beginning. What only a `Motion` or a
+    `Trajectory` has is refused with a `RecordError`.
     """
 
-    t: Tensor  # (T',) step times at which the motion is kept [s]; all of them unless `motion_dt`
-    q: Tensor  # (T', ..., n) [rad]
-    qd: Tensor  # (T', ..., n) [rad/s]
-    squared_error: Tensor  # (T', ..., n) integral of e^2 over all steps up to t [rad^2 s]
+    #: (T', ..., n) integral of e^2 over all steps up to t [rad^2 s]; of an outcome alone T' = 1.
+    squared_error: Tensor
     effort: Effort | None  # each (T', ..., n); None unless `effort_after` was given
     step_t: Tensor  # (T+1,) all step times [s]
     horizon: Tensor  # (...,) [s]
-    sample_t: Tensor  # (K,) times of `states` and `modes` [s]
-    states: LoopState  # (K, ..., *event)
-    modes: Mode  # (K, ..., *event)
     final_mode: Mode  # (..., *event) at the end
     status: Tensor  # (...,) int64, values of `Status`
     stopped_at: Tensor  # (...,) [s], NaN where the sample ran to the end
@@ -46,19 +47,7 @@ class Trajectory:
     solver: str
     engine: str  # "fused", "compiled" or "eager"
     engine_reason: str  # why this engine was taken
-    signal: Reference = field(repr=False)
     events: EventCounts | None = None  # met by a hybrid rollout, each (...,); else None
-
-    @property
-    def reference(self) -> ReferenceSample:
-        """The desired trajectory at `t`, each member (T', ..., n)."""
-        sample: ReferenceSample = self.signal(self.t)
-        return sample
-
-    @property
-    def error(self) -> Tensor:
-        """Tracking error e = s - x (T', ..., n) [rad]."""
-        return self.reference.q - self.q
 
     def describe_status(self) -> list[str]:
         """One phrase per sample of the flattened batch."""
@@ -72,3 +61,90 @@ class Trajectory:
             what = f"{name} too large" if code == Status.DIVERGED else f"{name} not finite"
             phrases.append(f"diverged at t = {time:.6g} s: {what}")
         return phrases
+
+    if not TYPE_CHECKING:  # a type checker knows what is not there
+
+        def __getattr__(self, name: str) -> NoReturn:
+            """Called for what is missing."""
+            for kind, what in ((Motion, "motion_dt"), (Trajectory, "sample_until")):
+                known = name in vars(kind) or name in kind.__dataclass_fields__
+                if known and not isinstance(self, kind):
+                    raise RecordError(
+                        f"'{name}' was not kept: a judge that reads it declares {what}, as in "
+                        f"Judged(judge, Recording({what}=...)), or nothing at all"
+                    )
+            raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion(Outcome):
+    """An outcome with the joints' motion at step times.
+
+    Rows of a sample after `stopped_at` repeat its last good state.
+    """
+
+    t: Tensor  # (T',) step times at which the motion is kept [s]; all of them unless `motion_dt`
+    q: Tensor  # (T', ..., n) [rad]
+    qd: Tensor  # (T', ..., n) [rad/s]
+    signal: Reference = field(repr=False)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the motion is kept at every step time (up to where the last sample failed)."""
+        return torch.equal(self.t, self.step_t[: len(self.t)])
+
+    @property
+    def within(self) -> Tensor:
+        """Which rows count: those up to each sample's horizon, (T', ...) bool."""
+        return counted_in(self.t, self.horizon)
+
+    @property
+    def reference(self) -> ReferenceSample:
+        """The desired trajectory at `t`, each member (T', ..., n).
+
+        Raises `RecordError` where nothing was kept between the ends: two instants are no course.
+        """
+        if len(self.t) <= 2 and not self.complete:
+            raise RecordError(
+                f"the motion was kept at {len(self.t)} of {len(self.step_t)} instants: the course "
+                "of the error needs a shorter motion_dt, or none"
+            )
+        sample: ReferenceSample = self.signal(self.t)
+        return sample
+
+    @property
+    def error(self) -> Tensor:
+        """Tracking error e = s - x (T', ..., n) [rad]. Raises what `reference` raises."""
+        return self.reference.q - self.q
+
+    @property
+    def outcome(self) -> Outcome:
+        """Without the motion: of everything that runs over the steps, the end."""
+        found = _as(Outcome, self)
+        sums, effort = map_tensors(_last, found.squared_error), map_tensors(_last, found.effort)
+        return replace(found, squared_error=sums, effort=effort)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trajectory(Motion):
+    """What a rollout came to, joint motion at step times and the whole state at samples."""
+
+    sample_t: Tensor  # (K,) times of `states` and `modes` [s]
+    states: LoopState  # (K, ..., *event)
+    modes: Mode  # (K, ..., *event)
+
+    @property
+    def motion(self) -> Motion:
+        """Without the whole states."""
+        return _as(Motion, self)
+
+
+Kind = TypeVar("Kind", bound=Outcome)
+
+
+def _as(kind: type[Kind], whole: Outcome) -> Kind:
+    return kind(**{each.name: getattr(whole, each.name) for each in fields(kind)})
+
+
+def _last(rows: Tensor) -> Tensor:
+    return rows[-1:]

@@ -1,23 +1,33 @@
 """Constants tuned by gradients that can be trusted."""
 
 from .coordinates import FORMS, Coordinates
-from .ensemble import Ensemble, Judge, Score, constants_at, score
+from .criterion import Criterion, Limit
+from .ensemble import Ensemble, Score, constants_at, score
 from .gradients import MODES, PATHWISE, GradientSettings, control_of, pathwise_slopes, slope_of
-from .objective import Objective
+from .judges import EVERYTHING, MOTION, TOTALS, Judge, Judged, Recording
+from .objective import Aim, Objective
 from .schedule import OPTIMIZERS, Schedule
 from .slopes import Slope, differences, smoothed
 from .tuner import Tuner
 
 __all__ = [
+    "EVERYTHING",
     "FORMS",
     "MODES",
+    "MOTION",
     "OPTIMIZERS",
     "PATHWISE",
+    "TOTALS",
+    "Aim",
     "Coordinates",
+    "Criterion",
     "Ensemble",
     "GradientSettings",
     "Judge",
+    "Judged",
+    "Limit",
     "Objective",
+    "Recording",
     "Schedule",
     "Score",
     "Slope",

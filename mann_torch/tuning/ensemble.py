@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import torch
 from torch import Tensor
@@ -14,9 +14,10 @@ from torch import Tensor
 from ..constraints import DesignModule
 from ..functional import as_float64
 from ..metrics import peak_torque, srmse, torque_rate
-from ..simulation import ClosedLoop, Scenario, Solver, Trajectory, rollout
+from ..simulation import ClosedLoop, Outcome, Scenario, Solver, Trajectory, rollout
 from ..trees import map_tensors
 from ..types import NetworkState
+from .judges import EVERYTHING, TOTALS, Judge, Recording, recording_of, worth
 
 
 class Score(NamedTuple):
@@ -25,10 +26,6 @@ class Score(NamedTuple):
     srmse: Tensor  # (...,) root of the sum of squares over joints [rad]
     rate: Tensor  # (...,) RMS torque rate, likewise [N m/s]
     peak: Tensor  # (...,) largest |torque| of any joint since `effort_after` [N m]
-
-
-#: What a rollout is worth, (..., B).
-Judge = Callable[[Trajectory], Tensor]
 
 
 @contextmanager
@@ -86,20 +83,23 @@ class Ensemble:
         gradient: str = "plain",
         temperature: float | None = None,
         progress: Callable[[int], object] | None = None,
+        recording: Recording = EVERYTHING,
     ) -> Trajectory:
         """Roll all members out; values (..., 1 or B, *event) give batch (..., B).
 
+        `recording` says what is kept; what is not is refused (see `Recording`).
         Gradients reach the controller's own parameters: set them free within `constants_at`.
         """
         own = {name: value for name, value in self.own.items() if name not in values}
         with constants_at(self.loop.controller, own):
-            return rollout(
+            trajectory = rollout(
                 self.loop,
                 self.scenario,
                 self.solver,
                 network=self.network,
-                motion_dt=self.scenario.end,
-                sample_until=0.0,
+                motion_dt=self.scenario.end if recording.totals_only else recording.motion_dt,
+                sample_dt=recording.sample_dt,
+                sample_until=0.0 if recording.totals_only else recording.sample_until,
                 effort_after=self.effort_after,
                 engine=self.engine,
                 device=self.device,
@@ -107,13 +107,15 @@ class Ensemble:
                 temperature=temperature if gradient == "soft" else None,
                 progress=progress,
             )
+        # Typed as the whole, which it is but for what the judge itself has left out.
+        return cast(Trajectory, recording.shown(trajectory))
 
     def scores(
         self, values: Mapping[str, Tensor], progress: Callable[[int], object] | None = None
     ) -> Score:
         """Scores (..., B) under constants (..., 1 or B, *event), without gradients."""
         with torch.no_grad(), constants_at(self.loop.controller, values):
-            return score(self.run(values, progress=progress))
+            return score(self.run(values, progress=progress, recording=TOTALS))
 
     def judged(
         self,
@@ -123,7 +125,8 @@ class Ensemble:
     ) -> Tensor:
         """`judge` of the rollouts (..., B), without gradients."""
         with torch.no_grad(), constants_at(self.loop.controller, values):
-            return judge(self.run(values, progress=progress))
+            recording = recording_of(judge)
+            return worth(judge, self.run(values, progress=progress, recording=recording))
 
     def pathwise(
         self,
@@ -140,7 +143,8 @@ class Ensemble:
         controller = self.loop.controller
         with torch.enable_grad(), constants_at(controller, values):
             free = [controller.constant(name).requires_grad_(True) for name in values]
-            judged = judge(self.run(values, gradient, temperature))
+            run = self.run(values, gradient, temperature, recording=recording_of(judge))
+            judged = worth(judge, run)
             if not judged.requires_grad:
                 return judged, {name: torch.zeros_like(p) for name, p in values.items()}
             found = torch.autograd.grad(judged.sum(), free, allow_unused=True)
@@ -149,7 +153,7 @@ class Ensemble:
         return judged.detach(), {name: z if g is None else g for name, g, z in pairs}
 
 
-def score(trajectory: Trajectory) -> Score:
+def score(trajectory: Outcome) -> Score:
     """Both joints together."""
     return Score(
         srmse(trajectory).square().sum(dim=-1).sqrt(),

@@ -11,7 +11,8 @@ from torch import Tensor
 
 from ..errors import ConfigError
 from .coordinates import Coordinates
-from .ensemble import Ensemble, Judge
+from .ensemble import Ensemble
+from .judges import Judge
 from .slopes import DESIGNS, Slope, differences, smoothed
 
 #: Modes that differentiate through a rollout: names of `rollout(gradient=...)`.
@@ -99,7 +100,8 @@ def slope_of(
 ) -> Slope:
     """The slope of the members' mean objective at z (P,) by the chosen mode.
 
-    `judge` turns rollouts into the objective (..., B).
+    `judge` turns rollouts into the objective (..., B); it may declare what it reads (`Judged`).
+    What a sample that diverged is worth is for it to say: there, motion stays at the last state.
     """
 
     def values(points: Tensor) -> Tensor:

@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import torch
 from torch import Tensor
 
-from ..errors import ConfigError
-from .ensemble import Score
+from ..simulation import Trajectory
+from .ensemble import Score, score
+from .judges import TOTALS, Recording
+from .limits import check_limit, check_weight, limited
 
-#: From here on the objective grows by its logarithm only, so that no member outshouts the others.
-STEEP = 10.0
-#: The objective of a sample that diverged: flat, and beyond a 500-fold excess.
-DIVERGED = 50.0
+
+class Aim(Protocol):
+    """What a tuner minimises: an `Objective` or, with judges of one's own, a `Criterion`."""
+
+    @property
+    def recording(self) -> Recording:
+        """What rollouts must keep."""
+
+    def measure(self, trajectory: Trajectory, /) -> Any:
+        """A NamedTuple of tensors (..., B, *event); NaN for a sample that diverged."""
+
+    def __call__(self, measured: Any, start: Any, /) -> Tensor:
+        """What is minimised (..., B), from what was measured and what was at the start (B, ...)."""
 
 
 @dataclass(frozen=True)
@@ -36,13 +47,18 @@ class Objective:
 
     def __post_init__(self) -> None:
         for name in ("effort_weight", "penalty"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0):
-                raise ConfigError(f"objective {name} = {value}: must be finite and >= 0")
+            check_weight(f"objective {name}", getattr(self, name))
         for name in ("rate_limit", "peak_limit", "saturation"):
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0):
-                raise ConfigError(f"objective {name} = {value}: must be finite and > 0, or null")
+            check_limit(f"objective {name}", getattr(self, name))
+
+    @property
+    def recording(self) -> Recording:
+        """Totals are enough."""
+        return TOTALS
+
+    def measure(self, trajectory: Trajectory) -> Score:
+        """The scores (..., B)."""
+        return score(trajectory)
 
     def __call__(self, score: Score, start: Score) -> Tensor:
         """(..., B) from the scores (..., B) and those of the start (B,)."""
@@ -54,9 +70,5 @@ class Objective:
         peak = torch.where(start.peak > 0, score.peak / start.peak.clamp(min=1e-12), 0.0)
         total = score.srmse / start.srmse + self.effort_weight * rate
         limits = ((rate, self.rate_limit), (peak, self.peak_limit), (score.peak, self.saturation))
-        for value, limit in limits:
-            if limit is not None:
-                total = total + self.penalty * torch.relu(value / limit - 1.0).square()
-        excess = (total / STEEP).clamp(min=1.0).log()
-        total = total.clamp(max=STEEP) + STEEP * excess
-        return torch.where(ok, total.clamp(max=DIVERGED), DIVERGED)
+        given = [(value, limit) for value, limit in limits if limit is not None]
+        return limited(total, given, self.penalty, ok)

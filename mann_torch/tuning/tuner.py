@@ -10,10 +10,12 @@ import torch
 from torch import Tensor
 
 from ..errors import ConfigError, SolverError
+from ..trees import leaves, map_tensors
 from .coordinates import Coordinates
-from .ensemble import Ensemble, Judge, Score, score
+from .ensemble import Ensemble
 from .gradients import GradientSettings, slope_of
-from .objective import Objective
+from .judges import Judge, Judged
+from .objective import Aim
 from .schedule import Schedule
 from .search import check_search, propose
 from .slopes import Slope
@@ -24,12 +26,13 @@ class Tuner:
     """State of one tuning run; `step()` until `done`.
 
     Every iteration draws from a generator seeded by its own number: a run that is loaded from
-    `state_dict` goes on exactly as if it had never stopped.
+    `state_dict` goes on exactly as if it had never stopped. `objective` is an `Objective` or, with
+    a judge and limits of one's own, a `Criterion`.
     """
 
     ensemble: Ensemble
     coordinates: Coordinates
-    objective: Objective
+    objective: Aim
     gradient: GradientSettings
     schedule: Schedule
     z: Tensor = field(init=False)
@@ -38,7 +41,7 @@ class Tuner:
     def __post_init__(self) -> None:
         self.gradient.check(len(self.ensemble), self.coordinates, self.schedule.minibatch)
         self.z = torch.zeros(self.coordinates.size, dtype=torch.float64, requires_grad=True)
-        self._start: dict[float | None, Score] = {}
+        self._start: dict[float | None, Any] = {}
         rate = self.schedule.rate
         self._optimizer: torch.optim.Optimizer | None = None
         if self.schedule.optimizer == "optuna":
@@ -151,15 +154,15 @@ class Tuner:
             number = 0
         return torch.Generator().manual_seed(self.schedule.seed * 1_000_003 + number)
 
-    def _members(self, number: int, generator: torch.Generator) -> tuple[Ensemble, Score]:
-        """This iteration's members, and the scores of the start on them."""
+    def _members(self, number: int, generator: torch.Generator) -> tuple[Ensemble, Any]:
+        """This iteration's members, and what the start was measured to be on them."""
         horizon = self.schedule.horizon(number)
         start, ensemble = self._started(horizon), self.ensemble.until(horizon)
         size = self.schedule.minibatch
         if size is not None and size < len(ensemble):
             chosen = torch.randperm(len(ensemble), generator=generator)[:size].sort().values
             ensemble = ensemble.select(chosen.tolist())
-            start = Score(*(leaf[chosen] for leaf in start))
+            start = map_tensors(lambda leaf: leaf[chosen], start)
         return ensemble, start
 
     def _slope(self, number: int) -> Slope:
@@ -178,15 +181,21 @@ class Tuner:
             raise SolverError(f"iteration {number}: the gradient is not finite")
         return slope
 
-    def _judge(self, start: Score) -> Judge:
-        return lambda trajectory: self.objective(score(trajectory), start)
+    def _judge(self, start: Any) -> Judge:
+        aim = self.objective
+        return Judged(lambda trajectory: aim(aim.measure(trajectory), start), aim.recording)
 
-    def _started(self, horizon: float | None) -> Score:
-        """Scores of the constants one starts from, for every member."""
+    def _started(self, horizon: float | None) -> Any:
+        """What the constants one starts from are measured to be, for every member."""
         if horizon not in self._start:
-            found = self.ensemble.until(horizon).scores({})
-            if not all(bool(torch.isfinite(leaf).all()) for leaf in found):
-                raise SolverError("a member diverges with the constants to start from")
+            aim = self.objective
+            with torch.no_grad():
+                run = self.ensemble.until(horizon).run({}, recording=aim.recording)
+                found = aim.measure(run)
+            if not all(bool(torch.isfinite(leaf).all()) for leaf in leaves(found)):
+                raise SolverError(
+                    "a member diverges, or is found NaN, with the constants to start from"
+                )
             self._start[horizon] = found
         return self._start[horizon]
 

@@ -1,0 +1,132 @@
+"""The one place that knows Warp: C++ text in, a callable kernel out.
+
+A kernel's text is a native function's body; it is compiled by Warp's own compiler, on CPU and
+CUDA, and cached on disk under a name made of all that it depends on.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ..errors import KernelError
+from .cache import loaded_safely, usable_cache
+
+#: Warp may be started, and a kernel built, by one thread at a time.
+LOCK = threading.RLock()
+#: Loops are written out by us where that pays; SLP finds nothing in lanes and costs time.
+_OPTIONS = {"cpu_compiler_flags": "-march=native -fno-slp-vectorize -fno-vectorize", "fuse_fp": False}
+
+
+def missing() -> str | None:
+    """None once Warp runs here, else why it does not."""
+    with LOCK:
+        return _start()
+
+
+@functools.cache
+def _start() -> str | None:
+    try:
+        with _silent_stderr():
+            import warp as wp
+
+            wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
+            usable_cache(wp)
+            wp.init()
+    except Exception as error:  # a missing wheel, a foreign platform
+        return f"warp-lang cannot be used ({type(error).__name__}: {error})"
+    return None
+
+
+@contextmanager
+def _silent_stderr() -> Iterator[None]:
+    """Drop what native code prints: Warp warns on stderr wherever there is no CUDA driver."""
+    sys.stderr.flush()
+    try:
+        kept = os.dup(2)
+    except OSError:  # no stderr at all
+        yield
+        return
+    sink = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(sink, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(sink)
+
+
+@functools.cache
+def lanes_here() -> int:
+    """How many float64 lanes this machine computes side by side."""
+    capability = torch.backends.cpu.get_cpu_capability()
+    return {"AVX512": 8, "AVX2": 4}.get(capability, 2)
+
+
+class Kernel:
+    """A compiled kernel: call it with a table of pointers and a range of groups and steps."""
+
+    def __init__(self, made: Any, device: str) -> None:
+        self._made, self._device = made, device
+
+    def prepared(self, table: Tensor, offset: int, count: int) -> Callable[[int, int], None]:
+        """A launch over `count` groups from number `offset` on, to be run for ranges of steps.
+
+        Packing the arguments each time would take a millisecond.
+        """
+        import warp as wp
+
+        command = wp.launch(
+            self._made,
+            dim=count,
+            inputs=[wp.from_torch(table, dtype=wp.int64), offset, 0, 0],
+            device=self._device,
+            record_cmd=True,
+        )
+
+        def run(first: int, last: int) -> None:
+            command.set_param_at_index(2, first)
+            command.set_param_at_index(3, last)
+            command.launch()
+
+        return run
+
+
+def kernel(text: str, device: str) -> Kernel:
+    """The kernel of a text, compiled at most once a process.
+
+    Raises `KernelError` where it cannot be compiled or loaded.
+    """
+    with LOCK:
+        made = _build(text, device)
+    if isinstance(made, KernelError):
+        raise made
+    return Kernel(made, device)
+
+
+@functools.lru_cache(maxsize=512)
+def _build(text: str, device: str) -> Any:
+    """The kernel, or the error that comes instead, so that no failure is tried twice."""
+    trouble = missing()
+    if trouble is not None:
+        return KernelError(trouble)
+    import warp as wp
+
+    from .warp_kernel import declare
+
+    name = "march_" + hashlib.sha256(text.encode()).hexdigest()[:24]
+    try:
+        return loaded_safely(declare(name, text, _OPTIONS), wp, device)
+    except Exception as error:  # Warp raises bare exceptions: no compiler, no room, no permission
+        cause = str(error).strip().splitlines() or ["no message"]
+        return KernelError(f"the compiled kernel cannot be built on {device}: {cause[0]}")

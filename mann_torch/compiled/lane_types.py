@@ -1,0 +1,122 @@
+"""C++ text of the lane types and of the primitives that differ between one lane and several.
+
+A value `V` holds one double per lane, an `M` one 64-bit integer per lane; a mask is an `M` of 0 or
+-1. Everything above the primitives is written once (`lane_maths`).
+"""
+
+LANE_COUNTS = (1, 2, 4, 8)
+
+
+def lane_types(lanes: int) -> str:
+    """The two typedefs; they stand before the struct, in the same function."""
+    check_lanes(lanes)
+    if lanes == 1:
+        return "typedef double V;\ntypedef long long M;\n"
+    attribute = f"__attribute__((vector_size({8 * lanes})))"
+    return f"typedef double V {attribute};\ntypedef long long M {attribute};\n"
+
+
+def check_lanes(lanes: int) -> None:
+    if lanes not in LANE_COUNTS:
+        raise ValueError(f"lanes must be one of {LANE_COUNTS}, got {lanes}")
+
+
+def primitives(lanes: int) -> str:
+    """The primitives, each a line `fn TYPE name(...) {...}` (see `lane_maths`)."""
+    own = _SCALAR if lanes == 1 else _VECTOR.replace("@ALL@", ", ".join(["a"] * lanes))
+    return own + _BOTH
+
+
+# NaN compares false, except under `ne`. The negated product keeps a mask 0 / -1.
+_SCALAR = """
+fn V splat(double a) { return a; }
+fn M isplat(long long a) { return a; }
+fn M lt(V a, V b) { return -(M)(a < b); }
+fn M le(V a, V b) { return -(M)(a <= b); }
+fn M gt(V a, V b) { return -(M)(a > b); }
+fn M ge(V a, V b) { return -(M)(a >= b); }
+fn M eq(V a, V b) { return -(M)(a == b); }
+fn M ne(V a, V b) { return -(M)(a != b); }
+fn M ilt(M a, M b) { return -(M)(a < b); }
+fn M ile(M a, M b) { return -(M)(a <= b); }
+fn M igt(M a, M b) { return -(M)(a > b); }
+fn M ige(M a, M b) { return -(M)(a >= b); }
+fn M ieq(M a, M b) { return -(M)(a == b); }
+fn M ine(M a, M b) { return -(M)(a != b); }
+fn V to_double(M a) { return (double)a; }
+fn M to_int_raw(V a) { return (long long)a; }
+fn bool any(M a) { return a != 0; }
+fn bool all(M a) { return a == -1; }
+fn double get(V a, int i) { (void)i; return a; }
+fn long long iget(M a, int i) { (void)i; return a; }
+fn void put(V& a, int i, double b) { (void)i; a = b; }
+fn void iput(M& a, int i, long long b) { (void)i; a = b; }
+#if defined(__CUDA_ARCH__)
+fn M bits(V a) { return __double_as_longlong(a); }
+fn V from_bits(M a) { return __longlong_as_double(a); }
+fn V fma(V a, V b, V c) { return __fma_rn(a, b, c); }
+fn V mul(V a, V b) { return __dmul_rn(a, b); }
+fn V sqrt_(V a) { return __dsqrt_rn(a); }
+fn V floor_(V a) { return ::floor(a); }
+fn V ceil_(V a) { return ::ceil(a); }
+fn V trunc_(V a) { return ::trunc(a); }
+fn V round_(V a) { return ::rint(a); }
+#else
+fn M bits(V a) { return __builtin_bit_cast(M, a); }
+fn V from_bits(M a) { return __builtin_bit_cast(V, a); }
+#endif
+"""
+
+_VECTOR = """
+fn V splat(double a) { return V{@ALL@}; }
+fn M isplat(long long a) { return M{@ALL@}; }
+fn M lt(V a, V b) { return a < b; }
+fn M le(V a, V b) { return a <= b; }
+fn M gt(V a, V b) { return a > b; }
+fn M ge(V a, V b) { return a >= b; }
+fn M eq(V a, V b) { return a == b; }
+fn M ne(V a, V b) { return a != b; }
+fn M ilt(M a, M b) { return a < b; }
+fn M ile(M a, M b) { return a <= b; }
+fn M igt(M a, M b) { return a > b; }
+fn M ige(M a, M b) { return a >= b; }
+fn M ieq(M a, M b) { return a == b; }
+fn M ine(M a, M b) { return a != b; }
+fn V to_double(M a) { return __builtin_convertvector(a, V); }
+fn M to_int_raw(V a) { return __builtin_convertvector(a, M); }
+fn bool any(M a) { return __builtin_reduce_or(a) != 0; }
+fn bool all(M a) { return __builtin_reduce_and(a) == -1; }
+fn double get(V a, int i) { return a[i]; }
+fn long long iget(M a, int i) { return a[i]; }
+fn void put(V& a, int i, double b) { a[i] = b; }
+fn void iput(M& a, int i, long long b) { a[i] = b; }
+fn M bits(V a) { return (M)a; }
+fn V from_bits(M a) { return (V)a; }
+"""
+
+# `mul` is the product rounded once, whatever the compiler would contract. `to_int` yields the
+# smallest integer for what no integer holds, as x86 does.
+_BOTH = """
+#if !defined(__CUDA_ARCH__)
+fn V fma(V a, V b, V c) { return __builtin_elementwise_fma(a, b, c); }
+fn V mul(V a, V b) { return a * b; }
+fn V sqrt_(V a) { return __builtin_elementwise_sqrt(a); }
+fn V floor_(V a) { return __builtin_elementwise_floor(a); }
+fn V ceil_(V a) { return __builtin_elementwise_ceil(a); }
+fn V trunc_(V a) { return __builtin_elementwise_trunc(a); }
+fn V round_(V a) { return __builtin_elementwise_roundeven(a); }
+#endif
+fn V sel(M m, V a, V b) { return m ? a : b; }
+fn M isel(M m, M a, M b) { return m ? a : b; }
+fn M mand(M a, M b) { return a & b; }
+fn M mor(M a, M b) { return a | b; }
+fn M mxor(M a, M b) { return a ^ b; }
+fn M mnot(M a) { return ~a; }
+fn V inf_() { return from_bits(isplat(0x7ff0000000000000LL)); }
+fn V nan_() { return from_bits(isplat(0x7ff8000000000000LL)); }
+fn V mask_to_double(M a) { return from_bits(a & bits(splat(1.0))); }
+fn M to_int(V a) {
+  V limit = splat(9223372036854775808.0);
+  return to_int_raw(sel(mand(lt(a, limit), ge(a, -limit)), a, -limit));
+}
+"""

@@ -1,0 +1,72 @@
+"""Which function turns which torch operation into nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import torch
+
+from ..arithmetic import pointwise
+from ..graph import Graph, Node
+from ..tracing import Untraceable
+
+#: (graph, operands, keywords, kind of the result) -> node, or a tuple of them.
+Lowering = Callable[..., Any]
+LOWERINGS: dict[str, Lowering] = {}
+KIND_OF = {torch.float64: "f", torch.int64: "i", torch.bool: "b"}
+
+
+def lowers(*names: str) -> Callable[[Lowering], Lowering]:
+    """Register a function for operations such as ``mul.Tensor``."""
+
+    def register(function: Lowering) -> Lowering:
+        for name in names:
+            LOWERINGS[name] = function
+        return function
+
+    return register
+
+
+def kind_of(dtype: torch.dtype) -> str:
+    """Our letter for a dtype; raises `Untraceable` for one that lanes do not have."""
+    kind = KIND_OF.get(dtype)
+    if kind is None:
+        short = {torch.int32: "i", torch.int16: "i", torch.int8: "i", torch.uint8: "i"}
+        if dtype not in short:
+            raise Untraceable(f"numbers of {dtype}: lanes hold float64, int64 and bool")
+        kind = short[dtype]
+    return kind
+
+
+def constant(g: Graph, value: Any, kind: str) -> Node:
+    """A Python number as a node."""
+    return g.full(value, (), kind)
+
+
+def as_kind(g: Graph, x: Any, kind: str) -> Node:
+    """An operand, number or node, converted to a kind of element."""
+    if not isinstance(x, Node):
+        return constant(g, x, kind)
+    return x if x.kind == kind else pointwise(g, f"to_{kind}", [x], kind)
+
+
+def common_kind(*operands: Any) -> str:
+    """The kind that operands of several kinds are compared in."""
+    kinds = {
+        x.kind if isinstance(x, Node) else "b" if isinstance(x, bool) else "i"
+        for x in operands
+        if isinstance(x, Node) or not isinstance(x, float)
+    }
+    if any(isinstance(x, float) for x in operands) or "f" in kinds:
+        return "f"
+    return "i" if "i" in kinds else "b"
+
+
+def dims_of(x: Node, dims: Any) -> list[int]:
+    """Dimensions counted from 0; all of them if none are given."""
+    if dims is None or (isinstance(dims, Sequence) and not dims):
+        return list(range(len(x.shape)))
+    given = dims if isinstance(dims, Sequence) else [dims]
+    rank = max(len(x.shape), 1)
+    return sorted(d % rank for d in given)

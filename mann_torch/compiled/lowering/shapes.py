@@ -1,0 +1,189 @@
+"""Operations that only move elements: all become views, concatenations or reshapes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from ..graph import Graph, IndexMap, Node
+from ..views import cat, expand, narrow, permute, reshape, view
+from .registry import as_kind, lowers
+
+_END = 2**62
+
+
+def _dim(x: Node, dim: int) -> int:
+    return dim % max(len(x.shape), 1)
+
+
+def _bounds(size: int, start: Any, end: Any, step: int) -> tuple[int, int]:
+    """First index and number of elements of a Python slice."""
+    start = 0 if start is None else start
+    end = size if end is None else min(end, _END)
+    low = min(max(start + size if start < 0 else start, 0), size)
+    high = min(max(end + size if end < 0 else end, 0), size)
+    return low, max(0, -(-(high - low) // step))
+
+
+@lowers("view.default", "reshape.default", "_unsafe_view.default", "_reshape_alias.default",
+        "unsqueeze.default", "squeeze.dim", "squeeze.dims", "squeeze.default", "unflatten.int")
+def _reshape(g: Graph, kind: str, x: Node, *_: Any, shape: Sequence[int]) -> Node:
+    return reshape(g, x, shape)
+
+
+@lowers("expand.default")
+def _expand(g: Graph, kind: str, x: Node, *_: Any, shape: Sequence[int], **__: Any) -> Node:
+    return expand(g, x, shape)
+
+
+@lowers("permute.default")
+def _permute(g: Graph, kind: str, x: Node, order: Sequence[int]) -> Node:
+    return permute(g, x, [_dim(x, d) for d in order])
+
+
+@lowers("transpose.int")
+def _transpose(g: Graph, kind: str, x: Node, a: int, b: int) -> Node:
+    order = list(range(len(x.shape)))
+    a, b = _dim(x, a), _dim(x, b)
+    order[a], order[b] = b, a
+    return permute(g, x, order)
+
+
+@lowers("t.default", "numpy_T.default")
+def _t(g: Graph, kind: str, x: Node) -> Node:
+    return permute(g, x, range(len(x.shape))[::-1])
+
+
+@lowers("slice.Tensor")
+def _slice(
+    g: Graph, kind: str, x: Node, dim: int = 0, start: Any = None, end: Any = None, step: int = 1
+) -> Node:
+    dim = _dim(x, dim)
+    low, count = _bounds(x.shape[dim], start, end, step)
+    return narrow(g, x, dim, low, count, step)
+
+
+@lowers("select.int")
+def _select(g: Graph, kind: str, x: Node, dim: int, index: int) -> Node:
+    dim = _dim(x, dim)
+    one = narrow(g, x, dim, index % x.shape[dim], 1)
+    return reshape(g, one, x.shape[:dim] + x.shape[dim + 1 :])
+
+
+@lowers("split_with_sizes.default")
+def _split(g: Graph, kind: str, x: Node, sizes: Sequence[int], dim: int = 0) -> tuple[Node, ...]:
+    dim, start, parts = _dim(x, dim), 0, []
+    for size in sizes:
+        parts.append(narrow(g, x, dim, start, size))
+        start += size
+    return tuple(parts)
+
+
+@lowers("split.Tensor")
+def _split_even(g: Graph, kind: str, x: Node, size: int, dim: int = 0) -> tuple[Node, ...]:
+    total = x.shape[_dim(x, dim)]
+    sizes = [min(size, total - start) for start in range(0, total, size)]
+    return _split(g, kind, x, sizes, dim)
+
+
+@lowers("unbind.int")
+def _unbind(g: Graph, kind: str, x: Node, dim: int = 0) -> tuple[Node, ...]:
+    return tuple(_select(g, kind, x, dim, i) for i in range(x.shape[_dim(x, dim)]))
+
+
+@lowers("cat.default")
+def _cat(g: Graph, kind: str, parts: Sequence[Node], dim: int = 0) -> Node:
+    # torch lets an empty row (0,) pass whatever the others' rank.
+    kept = [as_kind(g, p, kind) for p in parts if p.shape != (0,)] or [parts[0]]
+    return cat(g, kept, _dim(kept[0], dim))
+
+
+@lowers("flip.default")
+def _flip(g: Graph, kind: str, x: Node, dims: Sequence[int]) -> Node:
+    for d in dims:
+        d = _dim(x, d)
+        x = narrow(g, x, d, x.shape[d] - 1, x.shape[d], -1)
+    return x
+
+
+@lowers("diagonal.default")
+def _diagonal(
+    g: Graph, kind: str, x: Node, offset: int = 0, dim1: int = 0, dim2: int = 1
+) -> Node:
+    a, b = _dim(x, dim1), _dim(x, dim2)
+    row, column = max(-offset, 0), max(offset, 0)
+    count = max(0, min(x.shape[a] - row, x.shape[b] - column))
+    kept = [d for d in range(len(x.shape)) if d not in (a, b)]
+    shape = [*(x.shape[d] for d in kept), count]
+    maps = []
+    for d in range(len(x.shape)):
+        place = kept.index(d) if d in kept else len(kept)
+        first = {a: row, b: column}.get(d, 0)
+        maps.append(IndexMap(first, tuple(int(i == place) for i in range(len(shape)))))
+    return view(g, x, shape, maps)
+
+
+@lowers("constant_pad_nd.default")
+def _pad(g: Graph, kind: str, x: Node, pads: Sequence[int], value: Any = 0) -> Node:
+    for i in range(len(pads) // 2):
+        d, before, after = len(x.shape) - 1 - i, pads[2 * i], pads[2 * i + 1]
+        start, stop = max(-before, 0), x.shape[d] - max(-after, 0)
+        x = narrow(g, x, d, start, stop - start)
+        parts = [x]
+        for size, place in ((before, 0), (after, 1)):
+            if size > 0:
+                shape = (*x.shape[:d], size, *x.shape[d + 1 :])
+                parts.insert(place * len(parts), g.full(value, shape, x.kind))
+        x = cat(g, parts, d)
+    return x
+
+
+@lowers("slice_scatter.default")
+def _slice_scatter(
+    g: Graph, kind: str, x: Node, new: Node, dim: int = 0, start: Any = None, end: Any = None,
+    step: int = 1,
+) -> Node:
+    dim = _dim(x, dim)
+    low, count = _bounds(x.shape[dim], start, end, step)
+    parts, place = [], 0
+    if step == 1:
+        parts = [narrow(g, x, dim, 0, low), new]
+        place = low + count
+    else:
+        for i in range(count):
+            parts += [narrow(g, x, dim, place, low + i * step - place), narrow(g, new, dim, i, 1)]
+            place = low + i * step + 1
+    parts.append(narrow(g, x, dim, place, x.shape[dim] - place))
+    return cat(g, [as_kind(g, p, kind) for p in parts], dim)
+
+
+@lowers("select_scatter.default")
+def _select_scatter(g: Graph, kind: str, x: Node, new: Node, dim: int, index: int) -> Node:
+    dim = _dim(x, dim)
+    index %= x.shape[dim]
+    one = reshape(g, new, (*x.shape[:dim], 1, *x.shape[dim + 1 :]))
+    return _slice_scatter(g, kind, x, one, dim, index, index + 1)
+
+
+@lowers("diagonal_scatter.default")
+def _diagonal_scatter(
+    g: Graph, kind: str, x: Node, new: Node, offset: int = 0, dim1: int = 0, dim2: int = 1
+) -> Node:
+    a, b = _dim(x, dim1), _dim(x, dim2)
+    if (a, b) != (0, 1) or len(x.shape) != 2 or offset != 0:
+        raise NotImplementedError("diagonal_scatter off the main diagonal")
+    rows = []
+    for i in range(x.shape[0]):
+        row = narrow(g, x, 0, i, 1)
+        if i < x.shape[1]:
+            row = _slice_scatter(g, kind, row, reshape(g, narrow(g, new, 0, i, 1), (1, 1)), 1, i, i + 1)
+        rows.append(row)
+    return cat(g, rows, 0)
+
+
+@lowers("repeat.default")
+def _repeat(g: Graph, kind: str, x: Node, counts: Sequence[int]) -> Node:
+    x = reshape(g, x, (1,) * (len(counts) - len(x.shape)) + x.shape)
+    for d, count in enumerate(counts):
+        x = cat(g, [x] * count, d)
+    return x

@@ -1,0 +1,195 @@
+"""Traces a function of tensors, and its vector-Jacobian product, into torch.fx graphs.
+
+Everything that depends on torch's internals stands here: `make_fx`, functionalisation, the
+decomposition table, and how their failures are told. Tested with torch 2.10 to 2.13 in mind and on
+2.13; `tests/compiled/test_tracing.py` holds the canaries. Where tracing fails in another version,
+`Untraceable` is raised and loops run on the torch engine.
+"""
+
+from __future__ import annotations
+
+import functools
+import linecache
+import os
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.autograd import forward_ad
+from torch.fx import GraphModule, Node
+
+from ..errors import MannError
+
+#: A function of tensors to tensors, in flat lists.
+Function = Callable[[Sequence[Tensor]], Sequence[Tensor]]
+_TORCH = os.path.dirname(torch.__file__)
+_HERE = os.path.dirname(__file__)
+
+#: Decomposed beyond the core operations.
+_MORE = (
+    "addcmul addcdiv linalg_vector_norm _softmax _softmax_backward_data _log_softmax "
+    "_log_softmax_backward_data sigmoid_backward tanh_backward mv addmm addmv square stack norm "
+    "diag_embed select_backward slice_backward softplus softplus_backward elu elu_backward silu "
+    "silu_backward gelu gelu_backward leaky_relu leaky_relu_backward hardtanh hardtanh_backward "
+    "log_sigmoid_forward log_sigmoid_backward mse_loss huber_loss smooth_l1_loss "
+    "clamp_min clamp_max lerp logsumexp baddbmm dot vdot index_add unsafe_split rsub std var "
+    "var_mean native_layer_norm native_layer_norm_backward trace logit logaddexp hypot nan_to_num "
+    "index_select masked_fill xlogy sinc heaviside frac threshold threshold_backward sgn "
+    "unfold_backward glu tril triu eye diagonal_backward roll "
+    "fill zeros_like ones_like new_zeros new_ones new_full new_empty rsqrt "
+    "take_along_dim cumprod_backward deg2rad rad2deg addmv mish mish_backward"
+).split()
+
+
+class Untraceable(MannError):
+    """A step that cannot be compiled; the message says which operation, where, and why."""
+
+
+@functools.cache
+def _decompositions() -> dict[Any, Callable[..., Any]]:
+    from torch._decomp import core_aten_decompositions, get_decompositions
+
+    aten = torch.ops.aten
+    packets = [getattr(aten, name) for name in _MORE if hasattr(aten, name)]
+    table: dict[Any, Callable[..., Any]] = dict(core_aten_decompositions())
+    for packet in packets:
+        try:
+            table.update(get_decompositions([packet]))
+        except (RuntimeError, KeyError):  # this version has none for it
+            continue
+    return table
+
+
+def trace(function: Function, examples: Sequence[Tensor]) -> GraphModule:
+    """The operations of `function`; placeholders and results in the order of its flat lists.
+
+    Raises `Untraceable`.
+    """
+    # A result that is a view of an intermediate would come back as a raw `as_strided`.
+    return _traced(lambda *given: tuple(found.clone() for found in function(given)), examples)
+
+
+def trace_vjp(
+    function: Function, examples: Sequence[Tensor], wanted: Sequence[int], outputs: Sequence[int]
+) -> GraphModule:
+    """Gradients to the inputs numbered `wanted`, from those of the results numbered `outputs`.
+
+    Placeholders: the inputs, then the gradients of the results. Raises `Untraceable`.
+    """
+    count, wanted, outputs = len(examples), list(wanted), list(outputs)
+    with torch.no_grad():
+        results = function(list(examples))
+    seeds = [torch.ones_like(results[i]) for i in outputs]
+
+    def back(*given: Tensor) -> tuple[Tensor, ...]:
+        inputs, gradients = list(given[:count]), given[count:]
+
+        def forward(*moving: Tensor) -> tuple[Tensor, ...]:
+            full = [*inputs]
+            for i, value in zip(wanted, moving, strict=True):
+                full[i] = value
+            found = function(full)
+            return tuple(found[i] for i in outputs)
+
+        _, pull = torch.func.vjp(forward, *(inputs[i] for i in wanted))
+        return pull(tuple(gradients))
+
+    return _traced(back, [*examples, *seeds])
+
+
+def _traced(function: Callable[..., Any], examples: Sequence[Tensor]) -> GraphModule:
+    from torch.fx.experimental.proxy_tensor import make_fx
+
+    pure = torch.func.functionalize(function, remove="mutations")
+    try:
+        with torch.random.fork_rng(devices=[]):
+            made = make_fx(
+                pure, _decompositions(), tracing_mode="fake", _allow_non_fake_inputs=True, record_stack_traces=True
+            )(*(example.detach() for example in examples))
+    except Untraceable:
+        raise
+    except Exception as error:  # of many kinds, few of them documented
+        raise Untraceable(_explained(error)) from error
+    return made
+
+
+def _explained(error: Exception) -> str:
+    """What stopped a trace, and the line of the user's code (or ours) it came from."""
+    text = " ".join(str(error).split())
+    if "data-dependent" in text or "GuardOnDataDependent" in type(error).__name__:
+        what = "a decision on data (`if tensor`, `bool(tensor)`, `.item()`)"
+    elif "convert all Tensors to FakeTensors" in text:
+        what = "a tensor that is neither parameter nor buffer"
+    elif isinstance(error, MannError):
+        what = text
+    else:
+        what = f"{type(error).__name__}: {text[:160]}"
+    return what + _where(error)
+
+
+def _where(error: BaseException) -> str:
+    place, module, tb = None, None, error.__traceback__
+    while tb is not None:
+        name = tb.tb_frame.f_code.co_filename
+        if not name.startswith((_TORCH, _HERE)) and not name.startswith("<"):
+            place = (name, tb.tb_lineno)
+            owner = tb.tb_frame.f_locals.get("self")
+            module = type(owner).__name__ if isinstance(owner, torch.nn.Module) else module
+        tb = tb.tb_next
+    if place is None:
+        return ""
+    line = linecache.getline(*place).strip()
+    inside = f" in {module}" if module else ""
+    return f"{inside}, {os.path.basename(place[0])}:{place[1]}: {line}"
+
+
+def source_of(node: Node) -> str:
+    """Where in the user's code an operation comes from; empty if it is not known."""
+    trail = node.meta.get("stack_trace") or ""
+    found = [
+        frame
+        for frame in traceback.StackSummary.from_list(_frames(trail))
+        if not frame.filename.startswith((_TORCH, _HERE))
+    ]
+    if not found:
+        return ""
+    last = found[-1]
+    return f", {os.path.basename(last.filename)}:{last.lineno}: {(last.line or '').strip()}"
+
+
+def _frames(trail: str) -> list[tuple[str, int, str, str]]:
+    frames, lines = [], trail.splitlines()
+    for i, line in enumerate(lines):
+        parts = line.strip().split('"')
+        if line.strip().startswith("File ") and len(parts) >= 3:
+            number = int("".join(c for c in parts[2].split(",")[1] if c.isdigit()) or 0)
+            code = lines[i + 1].strip() if i + 1 < len(lines) else ""
+            frames.append((parts[1], number, parts[2].split("in ")[-1], code))
+    return frames
+
+
+def attribute_of(made: GraphModule, name: str) -> Tensor:
+    """A constant tensor that the trace created."""
+    value: Any = made
+    for part in name.split("."):
+        value = getattr(value, part)
+    return value
+
+
+@contextmanager
+def with_tensors(module: torch.nn.Module, tensors: Mapping[str, Tensor]) -> Iterator[None]:
+    """Let a module's parameters and buffers, by dotted name, be these tensors for a while."""
+    from torch.nn.utils.stateless import _reparametrize_module
+
+    with _reparametrize_module(module, dict(tensors)):
+        yield
+
+
+def transformed() -> bool:
+    """Whether torch.func or forward-mode differentiation is at work."""
+    return bool(
+        torch._C._are_functorch_transforms_active() or forward_ad._current_level >= 0
+    )

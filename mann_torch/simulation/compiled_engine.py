@@ -1,0 +1,285 @@
+"""The rollout as a march of the compiled step: which tasks it takes, and how it takes them."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Hashable, Sequence
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+from ..compiled import Job, Marched, Program, Untraceable, march, missing, transformed
+from ..compiled.agreement import check_agreement
+from ..compiled.fingerprint import Fingerprint
+from ..trees import leaves, map_tensors, rebuilt
+from ..types import LoopState
+from .closed_loop import ClosedLoop
+from .loop_step import LoopStep, Part, as_rows, loop_parts, reference_parts
+from .scenario import Scenario
+from .solver import Solver
+from .step_grid import MERGE, counted_in, shares_of
+from .task import Effort, Record, Task
+from .trajectory import Status
+
+log = logging.getLogger("mann_torch")
+REASON = "the step was traced and compiled"
+_KINDS = (Status.OK, Status.DIVERGED, Status.NOT_FINITE)
+#: Programs of this process by what they depend on, or why there is none.
+_PROGRAMS: dict[Hashable, tuple[Program | Untraceable, list[Any]]] = {}
+_LOCK = threading.RLock()
+_MOST = 256
+
+
+def obstacle(loop: ClosedLoop, scenario: Scenario, solver: Solver) -> str | None:
+    """Why this can't even be tried, in a few words; None if it can."""
+    if not solver.fuses_step:
+        return f"solver {solver.name} chooses its steps by data"
+    if any(module._forward_hooks or module._forward_pre_hooks for module in loop.modules()):
+        return "forward hooks are not called by the compiled engine"
+    if transformed():
+        return "torch.func and forward-mode differentiation need the torch engine"
+    return missing()
+
+
+class _Rows(NamedTuple):
+    """A task's tensors, a row a sample."""
+
+    constants: list[Tensor]  # each (B, *event)
+    segments: list[Tensor]  # each (S, B, *event)
+    carry: list[Tensor]  # each (B, *event)
+
+
+def run(task: Task) -> Record:
+    """March the task. Raises `Untraceable`, with what stands in the way, or `KernelError`."""
+    loop_side, reference_side = loop_parts(task), reference_parts(task)
+    coefficients, template = _coefficients(task)
+    names = [part.name for part in loop_side], [part.name for part in reference_side]
+    step = LoopStep(task, template, *names)
+    rows = _rows(task, step, [*loop_side, *reference_side], coefficients)
+    program = _program(task, step, rows)
+    constants = [rows.constants[i] for i in program.used]
+    floating = [c.is_floating_point() for c in constants]
+    # A gradient mode that is off, or a tensor that asks for none, costs nothing.
+    wanted = tuple(
+        i for i, c in enumerate(constants) if c.requires_grad and torch.is_grad_enabled()
+    )
+    moving = tuple(
+        i for i, s in enumerate(rows.segments) if s.requires_grad and torch.is_grad_enabled()
+    )
+    job = Job(
+        program=program,
+        clock=_clock(task),
+        segment_of=_segment_of(task),
+        noise=_noise(task),
+        whole=_flat([c for c, f in zip(constants, floating, strict=True) if not f], task, False),
+        carry_k=_flat([c for c in rows.carry if not c.is_floating_point()], task, False),
+        motion_slot=_slots(task, task.motion_rows),
+        state_slot=_slots(task, task.state_rows),
+        limit=task.limit,
+        tape_memory=task.tape_memory,
+        wanted=(wanted, moving),
+        progress=task.progress,
+    )
+    found = march(
+        job,
+        _flat([c for c, f in zip(constants, floating, strict=True) if f], task),
+        _stacked(rows.segments, task),
+        _flat([c for c in rows.carry if c.is_floating_point()], task),
+    )
+    return _record(task, step, program, found)
+
+
+def _coefficients(task: Task) -> tuple[list[list[Tensor]], Any]:
+    """Leaves (S of them, each a list (..., *event)) of the plant's coefficients, and their form.
+
+    A member that is None in some segments and not in others is 0 there.
+    """
+    batch, lookups = task.batch, [part.lookup for part in task.grid.segments]
+    found = []
+    for lookup in lookups:
+        parameters = task.scenario.parameters_at(torch.tensor(lookup, dtype=torch.float64))
+        wide = map_tensors(lambda p: p.expand(*batch, p.shape[-1]), parameters)
+        found.append(task.loop.plant.coefficients(wide))
+    members = [_members(c) for c in found]
+    merged: list[list[Tensor]] = [[] for _ in found]
+    places: list[bool] = []
+    for column in zip(*members, strict=True):
+        given = next((m for m in column if m is not None), None)
+        places.append(given is not None)
+        if given is not None:
+            for row, member in zip(merged, column, strict=True):
+                row.append(torch.zeros_like(given) if member is None else member)
+    return merged, _form(found[0], iter(places))
+
+
+def _members(tree: Any) -> list[Tensor | None]:
+    if tree is None or isinstance(tree, Tensor):
+        return [tree]
+    return [member for branch in tree for member in _members(branch)]
+
+
+def _form(tree: Any, places: Any) -> Any:
+    """The tree with a tensor where some segment has one."""
+    if tree is None or isinstance(tree, Tensor):
+        return torch.zeros(()) if next(places) else None
+    return type(tree)(*[_form(branch, places) for branch in tree])
+
+
+def _rows(
+    task: Task, step: LoopStep, parts: Sequence[Part], coefficients: Sequence[Sequence[Tensor]]
+) -> _Rows:
+    batch, depth = task.batch, len(task.batch)
+    constants = [part.rows for part in parts]
+    constants.append(as_rows(task.horizon, batch, 0))
+    if task.noise is not None:
+        constants.append(as_rows(task.noise.std, batch, 1))
+    columns = [
+        torch.stack([_batched(leaf, batch) for leaf in column])
+        for column in zip(*coefficients, strict=True)
+    ]
+    state = [leaf.reshape(batch.numel(), *leaf.shape[depth:]) for leaf in leaves(task.state)]
+    mode = [leaf.reshape(batch.numel(), *leaf.shape[depth:]) for leaf in leaves(task.mode)]
+    first = task.reference(torch.zeros((), dtype=torch.float64)).q - task.state.plant.q
+    count = counted_in(task.grid.times[:1], task.horizon)[0]
+    squared = (shares_of(task.grid.times)[0] * count).unsqueeze(-1) * first.square()
+    sums = [squared.reshape(len(state[0]), -1)]
+    if task.effort_after is not None:
+        sums += [torch.zeros_like(state[0])] * 3
+    return _Rows(constants, columns, step.join(state, sums, mode))
+
+
+def _batched(leaf: Tensor, batch: torch.Size) -> Tensor:
+    """A coefficient (..., *event), or one without batch dimensions, as (B, *event)."""
+    depth = len(batch)
+    if leaf.shape[:depth] != batch:
+        leaf = leaf.expand(*batch, *leaf.shape)
+    return leaf.reshape(batch.numel(), *leaf.shape[depth:])
+
+
+def _program(task: Task, step: LoopStep, rows: _Rows) -> Program:
+    """The program of this step, made and compared with eager torch once a process."""
+    one = [c[0].detach() for c in rows.constants]
+    segment = [s[0, 0].detach() for s in rows.segments]
+    layout = step.layout(one, segment)
+    prints = Fingerprint()
+    parts = (task.loop, task.solver, task.reference)
+    form = [type(x).__name__ for x in (task.state, task.mode)]
+    key = (
+        tuple(prints.of(part) for part in parts), layout, task.noise is None,
+        str(step.form()), tuple(form),
+    )  # fmt: skip
+    with _LOCK:
+        found = _PROGRAMS.get(key)
+        if found is None:
+            if len(_PROGRAMS) >= _MOST:
+                _PROGRAMS.clear()
+            clock = list(_clock(task)[0].unbind())
+            noise = [torch.zeros(n, dtype=torch.float64) for (n,) in layout.noise]
+            carry = [c[0].detach() for c in rows.carry]
+            try:
+                made: Program | Untraceable = Program(
+                    step, layout, [*clock, *one, *segment, *noise, *carry]
+                )
+                if isinstance(made, Program):
+                    check_agreement(made)
+            except Untraceable as error:
+                made = error
+            found = _PROGRAMS[key] = (made, prints.alive)
+    if isinstance(found[0], Untraceable):
+        raise Untraceable(str(found[0]))
+    return found[0]
+
+
+def _clock(task: Task) -> Tensor:
+    """(T, C), see `loop_step.CLOCK`."""
+    times = task.grid.times
+    sizes = times.diff()
+    columns = [times[:-1], sizes, times[1:], shares_of(times)[1:]]
+    if task.effort_after is not None:
+        before = torch.cat([sizes.new_full((1,), torch.inf), sizes[:-1]])
+        columns += [1.0 / before, (times[:-1] > task.effort_after + MERGE).double()]
+    return torch.stack(columns, dim=-1).contiguous()
+
+
+def _segment_of(task: Task) -> Tensor:
+    segment = torch.zeros(task.grid.n_steps, dtype=torch.int32)
+    for number, part in enumerate(task.grid.segments):
+        segment[part.first : part.last] = number
+    return segment
+
+
+def _slots(task: Task, rows: list[int]) -> Tensor:
+    slot = torch.full((task.grid.n_steps + 1,), -1, dtype=torch.int32)
+    slot[rows] = torch.arange(len(rows), dtype=torch.int32)
+    return slot
+
+
+def _noise(task: Task) -> tuple[Tensor, Tensor, Tensor] | None:
+    if task.noise is None:
+        return None
+    return task.noise.unit, task.noise.row.reshape(-1), task.noise_instants.to(torch.int32)
+
+
+def _flat(tensors: Sequence[Tensor], task: Task, floating: bool = True) -> Tensor:
+    """Tensors (B, *event) side by side: (B, M), float64 or int64 with masks as 0 and -1."""
+    B = task.batch.numel()
+    columns = [
+        (-t.long() if t.dtype == torch.bool else t if floating else t.long()).reshape(B, -1)
+        for t in tensors
+    ]
+    if columns:
+        return torch.cat(columns, dim=-1)
+    return torch.zeros(B, 0, dtype=torch.float64 if floating else torch.int64)
+
+
+def _stacked(segments: Sequence[Tensor], task: Task) -> Tensor:
+    """Coefficients (S, B, *event) side by side: (S, B, Q)."""
+    shape = (len(task.grid.segments), task.batch.numel())
+    if not segments:
+        return torch.zeros(*shape, 0, dtype=torch.float64)
+    return torch.cat([s.reshape(*shape, -1) for s in segments], dim=-1)
+
+
+def _record(task: Task, step: LoopStep, program: Program, found: Marched) -> Record:
+    batch, n = task.batch, task.state.plant.q.shape[-1]
+    failed = found.stop < task.grid.n_steps
+    done = task.grid.n_steps if not bool(failed.all()) else int(found.stop.max()) + 1
+    rows = sum(k <= done for k in task.motion_rows)
+    samples = sum(k <= done for k in task.state_rows)
+    motion = found.motion[:rows].reshape(rows, *batch, -1)
+    shape = (samples, *batch)
+    state, _, mode = step.split(_carry(program, found.state_f, found.state_k, shape))
+    mode_last = step.split(_carry(program, found.last_f, found.last_k, tuple(batch)))[2]
+    kinds = torch.tensor([int(code) for code in _KINDS])
+    leaf = torch.where(failed, found.cause // 10, -1).long().reshape(batch)
+    return Record(
+        motion=motion[..., : 2 * n],
+        squared_error=motion[..., 2 * n : 3 * n],
+        effort=None if task.effort_after is None else Effort(*motion[..., 3 * n :].chunk(2, -1)),
+        states=_tree(task.state, state),
+        modes=None if task.mode is None else rebuilt(task.mode, mode),
+        final_mode=None if task.mode is None else rebuilt(task.mode, mode_last),
+        stopped=torch.where(failed, found.stop, -1).long().reshape(batch),
+        kind=kinds[(found.cause % 10).long()].reshape(batch),
+        leaf=leaf,
+        engine="fused",
+        reason=REASON,
+    )
+
+
+def _tree(template: LoopState, parts: Sequence[Tensor]) -> LoopState:
+    return rebuilt(template, parts)
+
+
+def _carry(program: Program, f: Tensor, k: Tensor, shape: tuple[int, ...]) -> list[Tensor]:
+    """Leaves (*shape, *event) of the carry from its two arrays."""
+    layout, found = program.layout, []
+    for leaf, (array, offset) in zip(layout.carry, layout.carry_places, strict=True):
+        source = f if array == "f" else k
+        size = torch.Size(leaf.shape).numel()
+        value = source[: shape[0]] if source.dim() == 3 else source
+        value = value[..., offset : offset + size].reshape(*shape, *leaf.shape)
+        found.append(value != 0 if leaf.kind == "b" else value)
+    return found

@@ -1,0 +1,195 @@
+"""A closed loop's step as the compiler takes it: a function of one sample's tensors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from ..compiled import Layout, Leaf, with_tensors
+from ..constraints import DesignModule
+from ..signals import scaled
+from ..trees import Packer, leaves, map_tensors, rebuilt
+from ..types import LoopState, Mode
+from .flat_flow import flat_rates
+from .step_grid import MERGE
+from .stepping import advance
+from .task import Task
+
+#: Numbers of the clock: time, step, the next time and its share; with effort also one over the
+#: step before, and whether peaks count.
+CLOCK, EFFORT_CLOCK = 4, 2
+
+
+@dataclass(frozen=True)
+class Part:
+    """A tensor of the loop or the reference by name, one row a sample of the flat batch."""
+
+    name: str
+    rows: Tensor  # (B, *event)
+
+
+def held_tensors(module: nn.Module) -> dict[str, Tensor]:
+    """Parameters, buffers, and design constants that are shared tensors, by dotted name."""
+    found: dict[str, Tensor] = {
+        **dict(module.named_parameters()),
+        **dict(module.named_buffers()),
+    }
+    for prefix, part in module.named_modules():
+        if isinstance(part, DesignModule):
+            for name in part.domains():
+                dotted = f"{prefix}.{name}" if prefix else name
+                found.setdefault(dotted, getattr(part, name))
+    return found
+
+
+def _event_dims(module: nn.Module, names: Sequence[str]) -> dict[str, int | None]:
+    """Trailing dimensions that make one value of each design constant; None for other tensors."""
+    found: dict[str, int | None] = dict.fromkeys(names)
+    for prefix, part in module.named_modules():
+        if isinstance(part, DesignModule):
+            for name, domain in part.domains().items():
+                found[f"{prefix}.{name}" if prefix else name] = domain.event_dims
+    return found
+
+
+def as_rows(value: Tensor, batch: torch.Size, event_dims: int | None) -> Tensor:
+    """(..., *event) -> (B, *event); without `event_dims` the whole tensor is one sample's."""
+    count = value.dim() if event_dims is None else event_dims
+    event = value.shape[value.dim() - count :]
+    return value.expand(*batch, *event).reshape(batch.numel(), *event)
+
+
+def loop_parts(task: Task) -> list[Part]:
+    """All tensors that the loop holds."""
+    held = held_tensors(task.loop)
+    dims = _event_dims(task.loop, list(held))
+    return [Part(n, as_rows(value, task.batch, dims[n])) for n, value in held.items()]
+
+
+def reference_parts(task: Task) -> list[Part]:
+    """All tensors that the reference holds: those that grow with the batch are a sample's own."""
+    batch = task.batch
+    wider = held_tensors(task.scenario.reference.expand((1, *batch)))
+    parts = []
+    for name, value in held_tensors(task.reference).items():
+        own = wider[name].dim() == value.dim() + 1
+        parts.append(Part(name, as_rows(value, batch, value.dim() - len(batch) if own else None)))
+    return parts
+
+
+class LoopStep:
+    """The step of a task: jump, flow, and what is summed up on the way.
+
+    Carry, in this order: q and qd, the integral of squared error, with effort the integral of
+    squared torque rates, the peaks and the last torque; the rest of the state; the mode.
+    """
+
+    def __init__(self, task: Task, coefficients: Any, loop_names: Sequence[str],
+                 reference_names: Sequence[str]) -> None:
+        self._loop, self._solver, self._reference = task.loop, task.solver, task.reference
+        depth = len(task.batch)
+
+        def first(leaf: Tensor) -> Tensor:
+            return leaf[(0,) * depth].detach()
+
+        self._state: LoopState = map_tensors(first, task.state)
+        self._mode: Mode = map_tensors(first, task.mode)
+        self._coefficients = coefficients
+        self._loop_names, self._reference_names = loop_names, reference_names
+        self._effort, self._noise = task.effort_after is not None, task.noise is not None
+        self._packer = Packer(self._state, 0)
+
+    def layout(self, constants: Sequence[Tensor], segments: Sequence[Tensor]) -> Layout:
+        """Of constants and coefficients as one sample has them."""
+        n = self._state.plant.q.shape[-1]
+        state, mode = leaves(self._state), leaves(self._mode)
+        sums = 4 if self._effort else 1
+        tensors = [*state[:2], *[state[0]] * sums, *state[2:], *mode]
+        rest = range(2 + sums, sums + len(state))
+        return Layout(
+            clock=CLOCK + EFFORT_CLOCK * self._effort,
+            constants=tuple(_leaf(c) for c in constants),
+            segments=tuple(tuple(s.shape) for s in segments),
+            noise=((2 * n,),) if self._noise else (),
+            carry=tuple(_leaf(x) for x in tensors),
+            n_motion=n * (5 if self._effort else 3),
+            watched=(0, 1, *rest),
+        )
+
+    def form(self) -> tuple[Any, ...]:
+        """Which members of state, mode and coefficients there are."""
+        return tuple(_structure(x) for x in (self._state, self._mode, self._coefficients))
+
+    def split(self, carry: Sequence[Tensor]) -> tuple[list[Tensor], list[Tensor], list[Tensor]]:
+        """State leaves, sums, and mode leaves."""
+        sums, count = (4 if self._effort else 1), len(leaves(self._state))
+        state = [*carry[:2], *carry[2 + sums : sums + count]]
+        return state, list(carry[2 : 2 + sums]), list(carry[sums + count :])
+
+    def join(
+        self, state: Sequence[Tensor], sums: Sequence[Tensor], mode: Sequence[Tensor]
+    ) -> list[Tensor]:
+        """The inverse of `split`."""
+        return [*state[:2], *sums, *state[2:], *mode]
+
+    def __call__(
+        self,
+        clock: Sequence[Tensor],
+        constants: Sequence[Tensor],
+        segments: Sequence[Tensor],
+        noise: Sequence[Tensor],
+        carry: Sequence[Tensor],
+    ) -> list[Tensor]:
+        """The next carry."""
+        count = len(self._loop_names)
+        last = count + len(self._reference_names)
+        horizon = constants[last]
+        own = dict(zip(self._loop_names, constants[:count], strict=True))
+        signal = dict(zip(self._reference_names, constants[count:last], strict=True))
+        state, sums, mode_leaves = self.split(carry)
+        mode = rebuilt(self._mode, mode_leaves)
+        measured = scaled(noise[0], constants[last + 1]) if self._noise else None
+        t, h, t_next, share = clock[:CLOCK]
+        with with_tensors(self._loop, own), with_tensors(self._reference, signal):
+            y, mode, torque = advance(
+                self._loop, self._solver, self._packer, partial(flat_rates, self._loop, self._packer),
+                self._effort, t, h, self._packer.pack(rebuilt(self._state, state)), mode,
+                self._reference, rebuilt(self._coefficients, segments), measured,
+            )  # fmt: skip
+            after = self._packer.unpack(y)
+            error = self._reference(t_next).q - after.plant.q
+        counted = t_next <= horizon + MERGE
+        squared = sums[0] + torch.where(counted, share, 0.0) * error.square()
+        found = [squared]
+        if torque is not None:
+            found += _effort(sums[1:], torque, counted, clock[CLOCK:])
+        return self.join(leaves(after), found, leaves(mode))
+
+
+def _effort(
+    sums: Sequence[Tensor], torque: Tensor, counted: Tensor, clock: Sequence[Tensor]
+) -> list[Tensor]:
+    """Squared rates, peaks, and the torque itself: see `task.Effort`."""
+    rate, peak, before = sums
+    per_step, late = clock
+    change = (torque - before).square()
+    rate = rate + torch.where(counted, per_step, 0.0) * change
+    size = torque.abs()
+    higher = counted & (late > 0.5) & (size > peak)
+    return [rate, torch.where(higher, size, peak), torque]
+
+
+def _leaf(x: Tensor) -> Leaf:
+    kind = "f" if x.is_floating_point() else "b" if x.dtype == torch.bool else "i"
+    return Leaf(tuple(x.shape), kind)
+
+
+def _structure(tree: Any) -> Any:
+    if tree is None or isinstance(tree, Tensor):
+        return tree is not None
+    return (type(tree).__qualname__, *(_structure(branch) for branch in tree))
