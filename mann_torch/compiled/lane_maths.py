@@ -8,7 +8,8 @@ depend neither on the number of lanes nor on the other lanes. Errors are measure
 
 import re
 
-from mann_torch.compiled.lane_elementary import ELEMENTARY
+from mann_torch.compiled.lane_exponentials import EXPONENTIALS
+from mann_torch.compiled.lane_logarithms import LOGARITHMS
 from mann_torch.compiled.lane_special import SPECIAL
 from mann_torch.compiled.lane_trigonometry import TRIGONOMETRY
 from mann_torch.compiled.lane_types import check_lanes, lane_types, primitives
@@ -26,7 +27,7 @@ _PRAGMA = """
 def lane_library(lanes: int, qualifier: str = "") -> str:
     """The body of `struct Lanes`; `qualifier` stands before each function."""
     check_lanes(lanes)
-    text = primitives(lanes) + _BASIC + ELEMENTARY + TRIGONOMETRY + SPECIAL
+    text = primitives(lanes) + _BASIC + EXPONENTIALS + LOGARITHMS + TRIGONOMETRY + SPECIAL
     text = text.replace("@LANES@", str(lanes))
     prefix = f"{qualifier} static inline".strip()
     # A rare path inlined would spill registers in the common one.
@@ -47,6 +48,7 @@ fn V max_(V a, V b) { return sel(mor(gt(a, b), ne(a, a)), a, b); }
 fn V min_(V a, V b) { return sel(mor(lt(a, b), ne(a, a)), a, b); }
 fn M imax(M a, M b) { return isel(igt(a, b), a, b); }
 fn M imin(M a, M b) { return isel(ilt(a, b), a, b); }
+// Zero divides like one, as C++ has no answer; nor has it for the smallest integer by -1.
 fn M idiv(M a, M b) {
   M plain = mor(ieq(b, isplat(0)), ieq(b, isplat(-1)));
   M d = isel(plain, isplat(1), b);
@@ -60,6 +62,7 @@ fn M imod(M a, M b) {
   M r = a - (a / d) * d;
   return r + mand(d, mand(ine(r, isplat(0)), ilt(r ^ d, isplat(0))));
 }
+// The power -n is the reciprocal, 0 where x^n overflows.
 fn V powi(V x, int n) {
   unsigned m = n < 0 ? 0u - (unsigned)n : (unsigned)n;
   V r = splat(1.0);
@@ -81,6 +84,7 @@ slow V fmod_far(V x, V y, M far, V r) {
   }
   return r;
 }
+// A rounded quotient below 2^52 is at most one too high, and the remainder of it is exact.
 fn V fmod_(V x, V y) {
   V a = abs_(x);
   V b = abs_(y);

@@ -31,6 +31,7 @@ _ERFC = (
 )  # fmt: skip
 
 _POWER = f"""
+// log(x) in two doubles.
 fn V log_double(V x, V& y_low) {{
   V f;
   V k = small_to_double(log_split(x, f));
@@ -62,10 +63,10 @@ fn V log_double(V x, V& y_low) {{
   y_low = (sum - y) + rest;
   return y;
 }}
+// exp(x + x_low) = (p + p_low) 2^n.
 fn M exp_parts(V x, V x_low, V& p, V& p_low) {{
-  V magic = splat(6755399441055744.0);
-  V shifted = fma(x, splat(1.4426950408889634), magic);
-  V n = shifted - magic;
+  V n;
+  M m = exp_halvings(x, n);
   V first = fma(n, splat(-0.6931471803691238), x);
   V r = fma(n, splat(-1.9082149292705877e-10), first);
   V r_low = fma(n, splat(-1.9082149292705877e-10), first - r) + x_low;
@@ -74,7 +75,7 @@ fn M exp_parts(V x, V x_low, V& p, V& p_low) {{
   V tail = exp_reduced(t) + r_low;
   p = 1.0 + tail;
   p_low = (1.0 - p) + tail;
-  return bits(shifted) - bits(magic);
+  return m;
 }}
 fn V pow_(V x, V y) {{
   V zero = splat(0.0);

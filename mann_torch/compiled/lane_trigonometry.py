@@ -45,6 +45,7 @@ slow V {name}_far(V x, M far, V y) {{
 )
 
 _CIRCULAR = f"""
+// sin(r + quadrant pi / 2).
 fn V circular(V r, M quadrant) {{
   M odd = ine(quadrant & 1, isplat(0));
   V z = r * r;
@@ -52,10 +53,10 @@ fn V circular(V r, M quadrant) {{
   V base = sel(odd, splat(1.0), r);
   return from_bits(bits(fma(z * base, p, base)) ^ ((quadrant & 2) << 62));
 }}
+// n, the nearest integer to a / (pi / 2); its low bits are those of the result.
 fn M quarter_turns(V a, V& n) {{
-  V magic = splat(6755399441055744.0);
-  V shifted = fma(a, splat(0.6366197723675814), magic);
-  n = shifted - magic;
+  V shifted = fma(a, splat(0.6366197723675814), magic_());
+  n = shifted - magic_();
   return bits(shifted);
 }}
 fn V less_quarter_turns(V a, V n) {{
@@ -79,6 +80,7 @@ fn V cos_(V x) {{
   M far = gt(a, splat(1e9));
   return any(far) ? cos_far(x, far, y) : y;
 }}
+// Sine and cosine in two doubles each, so that the quotient is all but rounded once.
 fn V tan_(V x) {{
   V a = abs_(x);
   V n;

@@ -112,6 +112,8 @@ fn M mand(M a, M b) { return a & b; }
 fn M mor(M a, M b) { return a | b; }
 fn M mxor(M a, M b) { return a ^ b; }
 fn M mnot(M a) { return ~a; }
+// Added and taken away again, it rounds to an integer, and leaves that in the sum's low bits.
+fn V magic_() { return splat(6755399441055744.0); }
 fn V inf_() { return from_bits(isplat(0x7ff0000000000000LL)); }
 fn V nan_() { return from_bits(isplat(0x7ff8000000000000LL)); }
 fn V mask_to_double(M a) { return from_bits(a & bits(splat(1.0))); }
