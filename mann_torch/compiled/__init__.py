@@ -9,6 +9,7 @@ first made.
 
 from .autograd import Marched, march
 from .engine import Job
+from .frozen import frozen
 from .host import missing
 from .layout import Layout, Leaf
 from .program import Program
@@ -21,6 +22,7 @@ __all__ = [
     "Marched",
     "Program",
     "Untraceable",
+    "frozen",
     "march",
     "missing",
     "transformed",

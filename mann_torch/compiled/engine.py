@@ -179,7 +179,7 @@ class Marcher:
         """All steps."""
         job = self.job
         text = job.program.forward(self._lanes)
-        launches = self._launches(kernel(text.text, "cpu"), text.heap, ())
+        launches = self._launches(kernel(text.text, self._lanes), text.heap, ())
         stride = max(FINE, LAUNCH_WORK * len(self._shares) // self.batch)
         if job.progress is None and job.n_steps < 2 * stride:
             stride = max(job.n_steps, 1)
@@ -206,7 +206,7 @@ class Marcher:
         """Gradients of wanted constants (B, P), segments (S, B, Q) and the first carry (B, F)."""
         job, lanes = self.job, self._lanes
         text = job.program.backward(lanes, *job.wanted)
-        made = kernel(text.text, "cpu")
+        made = kernel(text.text, lanes)
         P = len(job.program.constant_columns(job.wanted[0]))
         Q = len(job.program.segment_columns(job.wanted[1]))
         adj = torch.zeros_like(self._f)

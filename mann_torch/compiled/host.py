@@ -23,8 +23,12 @@ from .cache import loaded_safely, usable_cache
 
 #: Warp may be started, and a kernel built, by one thread at a time.
 LOCK = threading.RLock()
-#: Loops are written out by us where that pays; SLP finds nothing in lanes and costs time.
-_OPTIONS = {"cpu_compiler_flags": "-march=native -fno-slp-vectorize -fno-vectorize", "fuse_fp": False}
+#: One lane: the compiler finds vectors along loops over elements. Several: they are the vectors,
+#: and looking for more costs time.
+_FLAGS = {
+    True: "-march=native -mllvm=-inline-threshold=9000",
+    False: "-march=native -mllvm=-inline-threshold=9000 -fno-slp-vectorize -fno-vectorize",
+}
 
 
 def missing() -> str | None:
@@ -102,20 +106,20 @@ class Kernel:
         return run
 
 
-def kernel(text: str, device: str) -> Kernel:
+def kernel(text: str, lanes: int, device: str = "cpu") -> Kernel:
     """The kernel of a text, compiled at most once a process.
 
     Raises `KernelError` where it cannot be compiled or loaded.
     """
     with LOCK:
-        made = _build(text, device)
+        made = _build(text, lanes, device)
     if isinstance(made, KernelError):
         raise made
     return Kernel(made, device)
 
 
 @functools.lru_cache(maxsize=512)
-def _build(text: str, device: str) -> Any:
+def _build(text: str, lanes: int, device: str) -> Any:
     """The kernel, or the error that comes instead, so that no failure is tried twice."""
     trouble = missing()
     if trouble is not None:
@@ -125,8 +129,9 @@ def _build(text: str, device: str) -> Any:
     from .warp_kernel import declare
 
     name = "march_" + hashlib.sha256(text.encode()).hexdigest()[:24]
+    options = {"cpu_compiler_flags": _FLAGS[lanes == 1], "fuse_fp": False}
     try:
-        return loaded_safely(declare(name, text, _OPTIONS), wp, device)
+        return loaded_safely(declare(name, text, options), wp, device)
     except Exception as error:  # Warp raises bare exceptions: no compiler, no room, no permission
         cause = str(error).strip().splitlines() or ["no message"]
         return KernelError(f"the compiled kernel cannot be built on {device}: {cause[0]}")

@@ -29,9 +29,6 @@ _ASIN = (
     0.032679879778989396,
 )  # fmt: skip
 
-# One polynomial with coefficients chosen by quadrant costs less than two polynomials.
-_BLENDED = [f"sel(odd, splat({c!r}), splat({s!r}))" for c, s in zip(_COS, _SIN, strict=True)]
-
 _FAR = "".join(
     f"""
 slow V {name}_far(V x, M far, V y) {{
@@ -45,13 +42,14 @@ slow V {name}_far(V x, M far, V y) {{
 )
 
 _CIRCULAR = f"""
-// sin(r + quadrant pi / 2).
+// sin(r + quadrant pi / 2), by both polynomials: where the sine and the cosine of one number are
+// wanted, as in every derivative, the compiler finds all but the last choice twice.
 fn V circular(V r, M quadrant) {{
-  M odd = ine(quadrant & 1, isplat(0));
   V z = r * r;
-  {polynomial("p", "z", _BLENDED)}
-  V base = sel(odd, splat(1.0), r);
-  return from_bits(bits(fma(z * base, p, base)) ^ ((quadrant & 2) << 62));
+  {polynomial("p", "z", _SIN[:-1])}
+  {polynomial("q", "z", _COS)}
+  V y = sel(ine(quadrant & 1, isplat(0)), fma(z, q, splat(1.0)), fma(z * r, p, r));
+  return from_bits(bits(y) ^ ((quadrant & 2) << 62));
 }}
 // n, the nearest integer to a / (pi / 2); its low bits are those of the result.
 fn M quarter_turns(V a, V& n) {{

@@ -42,7 +42,10 @@ class Program:
     """
 
     def __init__(self, step: Step, given: Layout, examples: Sequence[Tensor]) -> None:
-        self._step, self.given, self.examples = step, given, [x.detach().clone() for x in examples]
+        self._step, self.given = step, given
+        with torch.inference_mode(False):
+            # Views would be traced as raw `as_strided`.
+            self.examples = [x.detach().clone() for x in examples]
         self._texts: dict[Any, KernelText] = {}
         self._gradients: dict[Any, tuple[list[Output], Sizes]] = {}
         made = trace(self.flat_step, self.examples)

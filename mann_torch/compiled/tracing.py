@@ -11,6 +11,7 @@ from __future__ import annotations
 import functools
 import linecache
 import os
+import threading
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -25,6 +26,8 @@ from ..errors import MannError
 
 #: A function of tensors to tensors, in flat lists.
 Function = Callable[[Sequence[Tensor]], Sequence[Tensor]]
+#: torch's tracing is not made for several threads at once.
+_LOCK = threading.RLock()
 _TORCH = os.path.dirname(torch.__file__)
 _HERE = os.path.dirname(__file__)
 
@@ -105,7 +108,7 @@ def _traced(function: Callable[..., Any], examples: Sequence[Tensor]) -> GraphMo
 
     pure = torch.func.functionalize(function, remove="mutations")
     try:
-        with torch.random.fork_rng(devices=[]):
+        with _LOCK, torch.random.fork_rng(devices=[]), torch.inference_mode(False):
             made = make_fx(
                 pure, _decompositions(), tracing_mode="fake", _allow_non_fake_inputs=True, record_stack_traces=True
             )(*(example.detach() for example in examples))

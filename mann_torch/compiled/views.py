@@ -11,7 +11,7 @@ import itertools
 import math
 from collections.abc import Sequence
 
-from .graph import Graph, IndexMap, Node, Shape, identity_maps
+from .graph import Graph, IndexMap, Node, Shape, identity_maps, strides_of
 
 
 def view(g: Graph, x: Node, shape: Sequence[int], maps: Sequence[IndexMap]) -> Node:
@@ -246,9 +246,27 @@ def reshape(g: Graph, x: Node, shape: Sequence[int]) -> Node:
         return rebuilt(g, x, [reshape(g, a, shape) for a in x.args], shape)
     if x.op == "table":
         return g.node("table", (), shape, x.kind, x.attributes)
-    if x.op == "view":  # its elements lie apart
+    if x.op == "view":
+        if _relabels(x):
+            return reshape(g, x.args[0], shape)
+        # Its elements lie apart.
         x = g.node("copy", (x,), x.shape, x.kind)
     return g.node("reshape", (x,), shape, x.kind)
+
+
+def _relabels(x: Node) -> bool:
+    """Whether a view has its source's elements in their row-major order."""
+    source = x.args[0]
+    if x.size != source.size:
+        return False
+    strides = strides_of(source.shape)
+    steps = [
+        sum(s * m.steps[i] for s, m in zip(strides, x.attributes, strict=True))
+        for i in range(len(x.shape))
+    ]
+    own = [s if n != 1 else 0 for s, n in zip(strides_of(x.shape), x.shape, strict=True)]
+    first = sum(s * m.offset for s, m in zip(strides, x.attributes, strict=True))
+    return first == 0 and steps == own
 
 
 def _undone(x: Node, shape: Shape) -> bool:

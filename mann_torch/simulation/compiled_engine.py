@@ -100,7 +100,7 @@ def _coefficients(task: Task) -> tuple[list[list[Tensor]], Any]:
     found = []
     for lookup in lookups:
         parameters = task.scenario.parameters_at(torch.tensor(lookup, dtype=torch.float64))
-        wide = map_tensors(lambda p: p.expand(*batch, p.shape[-1]), parameters)
+        wide = map_tensors(lambda p: p.expand((*batch, p.shape[-1])), parameters)
         found.append(task.loop.plant.coefficients(wide))
     members = [_members(c) for c in found]
     merged: list[list[Tensor]] = [[] for _ in found]
@@ -139,8 +139,8 @@ def _rows(
         torch.stack([_batched(leaf, batch) for leaf in column])
         for column in zip(*coefficients, strict=True)
     ]
-    state = [leaf.reshape(batch.numel(), *leaf.shape[depth:]) for leaf in leaves(task.state)]
-    mode = [leaf.reshape(batch.numel(), *leaf.shape[depth:]) for leaf in leaves(task.mode)]
+    state = [leaf.reshape((batch.numel(), *leaf.shape[depth:])) for leaf in leaves(task.state)]
+    mode = [leaf.reshape((batch.numel(), *leaf.shape[depth:])) for leaf in leaves(task.mode)]
     first = task.reference(torch.zeros((), dtype=torch.float64)).q - task.state.plant.q
     count = counted_in(task.grid.times[:1], task.horizon)[0]
     squared = (shares_of(task.grid.times)[0] * count).unsqueeze(-1) * first.square()
@@ -154,8 +154,8 @@ def _batched(leaf: Tensor, batch: torch.Size) -> Tensor:
     """A coefficient (..., *event), or one without batch dimensions, as (B, *event)."""
     depth = len(batch)
     if leaf.shape[:depth] != batch:
-        leaf = leaf.expand(*batch, *leaf.shape)
-    return leaf.reshape(batch.numel(), *leaf.shape[depth:])
+        leaf = leaf.expand((*batch, *leaf.shape))
+    return leaf.reshape((batch.numel(), *leaf.shape[depth:]))
 
 
 def _program(task: Task, step: LoopStep, rows: _Rows) -> Program:
@@ -239,7 +239,7 @@ def _stacked(segments: Sequence[Tensor], task: Task) -> Tensor:
     shape = (len(task.grid.segments), task.batch.numel())
     if not segments:
         return torch.zeros(*shape, 0, dtype=torch.float64)
-    return torch.cat([s.reshape(*shape, -1) for s in segments], dim=-1)
+    return torch.cat([s.reshape((*shape, -1)) for s in segments], dim=-1)
 
 
 def _record(task: Task, step: LoopStep, program: Program, found: Marched) -> Record:
@@ -280,6 +280,6 @@ def _carry(program: Program, f: Tensor, k: Tensor, shape: tuple[int, ...]) -> li
         source = f if array == "f" else k
         size = torch.Size(leaf.shape).numel()
         value = source[: shape[0]] if source.dim() == 3 else source
-        value = value[..., offset : offset + size].reshape(*shape, *leaf.shape)
+        value = value[..., offset : offset + size].reshape((*shape, *leaf.shape))
         found.append(value != 0 if leaf.kind == "b" else value)
     return found

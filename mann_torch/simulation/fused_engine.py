@@ -1,4 +1,4 @@
-"""The rollout as one fused kernel: which tasks it takes, and how it takes them."""
+"""Hybrid rollouts as one hand-written kernel: which tasks it takes, and how it takes them."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ from .step_grid import shares_of
 from .task import Effort, Record, Task
 from .trajectory import Status
 
+REASON = "events are located in the hand-written kernel"
 KINDS = (Status.OK, Status.DIVERGED, Status.NOT_FINITE)
 
 
@@ -50,7 +51,7 @@ def check_device(device: str) -> None:
         raise ConfigError(f"device = '{device}': this machine has {', '.join(found)}")
 
 
-def run(task: Task, reason: str) -> Record:
+def run(task: Task) -> Record:
     """One launch of the fused kernel, or as many as progress and memory ask for."""
     device = "cuda:0" if task.device == "cuda" else task.device
     batch, n = task.batch, task.state.plant.q.shape[-1]
@@ -112,7 +113,7 @@ def run(task: Task, reason: str) -> Record:
         kind=kind.reshape(batch),
         leaf=(_leaf_numbers(task.state)[(kept.cause // 10).long()]).reshape(batch),
         engine="fused",
-        reason=reason,
+        reason=REASON,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -10,7 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from ..compiled import Layout, Leaf, with_tensors
+from ..compiled import Layout, Leaf, frozen, with_tensors
 from ..constraints import DesignModule
 from ..signals import scaled
 from ..trees import Packer, leaves, map_tensors, rebuilt
@@ -61,7 +62,7 @@ def as_rows(value: Tensor, batch: torch.Size, event_dims: int | None) -> Tensor:
     """(..., *event) -> (B, *event); without `event_dims` the whole tensor is one sample's."""
     count = value.dim() if event_dims is None else event_dims
     event = value.shape[value.dim() - count :]
-    return value.expand(*batch, *event).reshape(batch.numel(), *event)
+    return value.expand((*batch, *event)).reshape((batch.numel(), *event))
 
 
 def loop_parts(task: Task) -> list[Part]:
@@ -91,7 +92,8 @@ class LoopStep:
 
     def __init__(self, task: Task, coefficients: Any, loop_names: Sequence[str],
                  reference_names: Sequence[str]) -> None:
-        self._loop, self._solver, self._reference = task.loop, task.solver, task.reference
+        self._loop, self._reference = frozen(task.loop), frozen(task.reference)
+        self._solver = copy.copy(task.solver)
         depth = len(task.batch)
 
         def first(leaf: Tensor) -> Tensor:
@@ -162,7 +164,8 @@ class LoopStep:
                 self._reference, rebuilt(self._coefficients, segments), measured,
             )  # fmt: skip
             after = self._packer.unpack(y)
-            error = self._reference(t_next).q - after.plant.q
+            # t + h is where the solver's last stage was: its reference is not computed twice.
+            error = self._reference(t + h).q - after.plant.q
         counted = t_next <= horizon + MERGE
         squared = sums[0] + torch.where(counted, share, 0.0) * error.square()
         found = [squared]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import logging
 import math
 from collections.abc import Callable, Sequence
@@ -13,7 +14,8 @@ from ..functional import Numbers, as_float64
 from ..memory import relaxed
 from ..trees import leaf_names
 from ..types import NetworkState
-from . import fused_engine, torch_engine
+from ..compiled import Untraceable
+from . import compiled_engine, fused_engine, torch_engine
 from .closed_loop import ClosedLoop
 from .gradients import check_gradient, locates_events
 from .implicit import Implicit
@@ -24,6 +26,8 @@ from .task import Record, Task
 from .trajectory import Trajectory
 
 ENGINES = ("auto", "fused", "torch")
+#: Steps beyond which the torch engine takes long enough to be told of.
+LONG = 500
 log = logging.getLogger("mann_torch")
 
 
@@ -71,14 +75,14 @@ def rollout(
             (`torque_rate`, `peak_torque`).
         divergence_limit: a sample with a state entry beyond this, or NaN, is frozen there and
             reported in `status`; the others go on undisturbed.
-        engine: ``fused`` runs the whole rollout in one compiled kernel, batches on
-            `torch.get_num_threads()` cores; ``torch`` runs any loop and any solver; ``auto`` takes
-            the fused engine for a loop whose parts all have a fused form. `Trajectory.engine` and
-            `engine_reason` tell which was taken, and why.
+        engine: ``fused`` traces the loop's step and runs the whole rollout as one compiled kernel,
+            batches on `torch.get_num_threads()` cores; ``torch`` runs any loop and any solver;
+            ``auto`` takes the fused engine for a loop whose step can be traced.
+            `Trajectory.engine` and `engine_reason` tell which was taken, and why.
         device: where the fused engine runs, ``cpu`` or ``cuda``; what goes in and comes out is on
             the CPU.
-        tape_memory: bytes that the fused engine's backward pass may use for states and their
-            gradients; a longer rollout is cut into segments and computed again, to the same bits.
+        tape_memory: bytes that the fused engine's backward pass may use for checkpoints; a longer
+            rollout has fewer, and computes more again, to the same bits.
         gradient: ``plain``: decisions fall on step ends and have no gradient of their own;
             ``hybrid``: isolated switches and resets are located inside their step and
             differentiated through their time, chattering is averaged; `Trajectory.events` counts
@@ -102,7 +106,8 @@ def rollout(
     check_gradient(gradient, solver, temperature)
     if temperature is not None:
         loop = relaxed(loop, temperature)
-    obstacle = check_engine(loop, scenario, solver, engine, device)
+    hybrid = locates_events(gradient, loop)
+    obstacle = check_engine(loop, scenario, solver, engine, device, hybrid)
     grid = StepGrid(scenario.end, scenario.knots(), solver.dt)
     if network is None:
         shape = _common_shape(loop, scenario, batch_shape)
@@ -132,35 +137,56 @@ def rollout(
         else noise.expand(batch).table(state.plant.q.shape[-1], int(instants[-1]) + 1),
         noise_instants=instants,
         effort_after=effort_after,
-        hybrid=locates_events(gradient, loop),
+        hybrid=hybrid,
     )
-    record = None
     if batch.numel() == 0:
         obstacle = "an empty batch"
     if obstacle is None:
         try:
-            record = fused_engine.run(task, "every part has a fused form")
-        except KernelError as error:
-            if engine == "fused" or device != "cpu":
-                raise
-            log.warning("%s; using the torch engine", error)
+            return _trajectory(task, fused_engine.run(task) if task.hybrid else compiled_engine.run(task))
+        except (KernelError, Untraceable) as error:
             obstacle = str(error)
-    if record is None:
-        record = torch_engine.run(task, str(obstacle))
-    return _trajectory(task, record)
+            if engine == "fused" or device != "cpu":
+                if isinstance(error, KernelError):
+                    raise
+                raise ConfigError(
+                    f"engine = '{engine}': {obstacle}; take engine = 'torch'"
+                ) from error
+            _warn_of_cost(task, obstacle)
+    return _trajectory(task, torch_engine.run(task, obstacle))
+
+
+@functools.cache
+def _said(obstacle: str) -> None:
+    log.warning("%s; the torch engine takes over, some 100 times slower", obstacle)
+
+
+def _warn_of_cost(task: Task, obstacle: str) -> None:
+    """One line, once for each obstacle, where the torch engine will be waited for."""
+    if task.grid.n_steps > LONG:
+        _said(obstacle)
 
 
 def check_engine(
-    loop: ClosedLoop, scenario: Scenario, solver: Solver, engine: str, device: str = "cpu"
+    loop: ClosedLoop,
+    scenario: Scenario,
+    solver: Solver,
+    engine: str,
+    device: str = "cpu",
+    hybrid: bool = False,
 ) -> str | None:
-    """None where the fused engine runs this rollout, else why the torch engine does.
+    """None where the fused engine may run this rollout, else why the torch engine does.
 
-    Raises `ConfigError` for an unknown engine or device, or for ``fused`` (and for any device but
-    the CPU) where a part has no fused form.
+    What is known before anything is traced: whether the loop's step can be compiled shows when it
+    is. Raises `ConfigError` for an unknown engine or device, or for ``fused`` (and for any device
+    but the CPU) where it can't be.
     """
     if engine not in ENGINES:
         raise ConfigError(f"engine = '{engine}': choose from {', '.join(ENGINES)}")
-    obstacle = "asked for" if engine == "torch" else fused_engine.obstacle(loop, scenario, solver)
+    obstacle: str | None = "asked for"
+    if engine != "torch":
+        side = fused_engine if hybrid else compiled_engine
+        obstacle = side.obstacle(loop, scenario, solver)
     if obstacle is not None and engine == "fused":
         raise ConfigError(f"engine = 'fused': {obstacle}; take 'auto' or 'torch'")
     if device != "cpu":

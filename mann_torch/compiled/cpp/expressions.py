@@ -59,6 +59,11 @@ def text_of(node: Node) -> str:
 def literal(kind: str, text: str) -> str:
     """A number, the same in every lane; `text` is its repr."""
     if kind == "f":
+        value = float(text)
+        if math.isnan(value):
+            return "nan_()"
+        if math.isinf(value):
+            return "inf_()" if value > 0 else "(-inf_())"
         return f"splat({double(text)})"
     if kind == "b":
         return f"isplat({-1 if text == 'True' else 0})"
@@ -66,10 +71,10 @@ def literal(kind: str, text: str) -> str:
 
 
 def double(text: str) -> str:
-    """A float64 in C++."""
+    """A float64 in C++, exactly; what is not finite, by a division NVRTC knows too."""
     value = float(text)
     if math.isnan(value):
-        return '__builtin_nan("")'
+        return "(0.0 / 0.0)"
     if math.isinf(value):
-        return "__builtin_inf()" if value > 0 else "(-__builtin_inf())"
+        return "(1.0 / 0.0)" if value > 0 else "(-1.0 / 0.0)"
     return value.hex() if value else ("-0.0" if math.copysign(1.0, value) < 0 else "0.0")

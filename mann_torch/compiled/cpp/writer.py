@@ -11,7 +11,7 @@ from .expressions import double, literal, text_of
 from .plan import Group, Output, Plan, composed, linear, make_plan, reduced_maps
 from .special import SPECIAL
 
-#: A sum of this many terms to few results is split over four accumulators.
+#: A sum of this many terms to few results is split over several accumulators.
 _LONG = 16
 _FEW = 8
 
@@ -151,7 +151,7 @@ class Writer:
             return
         start, step = _REDUCE[node.op, node.kind if node.kind != "b" else "b"]
         long = node.op == "sum" and node.kind == "f" and math.prod(counts) >= _LONG
-        if long and node.size <= _FEW and counts[-1] >= 4:
+        if long and node.size <= _FEW and max(counts) >= 4:
             self._long_sum(node, name, variables, inner, counts, found)
             return
         self.put(f"{name} = {start};")
@@ -179,19 +179,22 @@ class Writer:
         counts: Sequence[int],
         maps: Sequence[IndexMap],
     ) -> None:
-        """Four sums side by side: one alone would wait for each addition."""
-        parts = [f"{name}_{k}" for k in range(4)]
+        """Several sums side by side: one alone would wait for each addition."""
+        along = max(range(len(counts)), key=lambda k: (counts[k], k))
+        last, count = inner[along], counts[along]
+        width = 8 if count >= 8 else 4
+        parts = [f"{name}_{k}" for k in range(width)]
         self.put(f"V {' = splat(0.0), '.join(parts)} = splat(0.0);")
-        for variable, count in zip(inner[:-1], counts[:-1], strict=True):
-            self.open(variable, count)
-        last, count = inner[-1], counts[-1]
+        others = [(v, n) for v, n in zip(inner, counts, strict=True) if v != last]
+        for variable, n in others:
+            self.open(variable, n)
         place = list(names).index(last)
-        self.open(last, count, 4)
+        self.open(last, count, width)
         for k, part in enumerate(parts):
             moved = [IndexMap(m.offset + k * m.steps[place], m.steps) for m in maps]
             self.put(self._accumulate(node, part, names, moved, "({0} + {1})"))
         self.close()
-        for k, rest in enumerate(range(count - count % 4, count)):
+        for k, rest in enumerate(range(count - count % width, count)):
             fixed = [
                 IndexMap(
                     m.offset + rest * m.steps[place],
@@ -200,9 +203,12 @@ class Writer:
                 for m in maps
             ]
             self.put(self._accumulate(node, parts[k], names, fixed, "({0} + {1})"))
-        for _ in inner[:-1]:
+        for _ in others:
             self.close()
-        self.put(f"{name} = ({parts[0]} + {parts[1]}) + ({parts[2]} + {parts[3]});")
+        while len(parts) > 1:
+            half = len(parts) // 2
+            parts = [f"({a} + {b})" for a, b in zip(parts[:half], parts[half:], strict=True)]
+        self.put(f"{name} = {parts[0]};")
 
     def _arg_reduction(
         self,
@@ -311,8 +317,8 @@ _REDUCE = {
     ("sum", "i"): ("isplat(0)", "({0} + {1})"),
     ("prod", "f"): ("splat(1.0)", "({0} * {1})"),
     ("prod", "i"): ("isplat(1)", "({0} * {1})"),
-    ("amax", "f"): ("splat(-__builtin_inf())", "max_({0}, {1})"),
-    ("amin", "f"): ("splat(__builtin_inf())", "min_({0}, {1})"),
+    ("amax", "f"): ("(-inf_())", "max_({0}, {1})"),
+    ("amin", "f"): ("inf_()", "min_({0}, {1})"),
     ("amax", "i"): (f"isplat({-(2**63) + 1}ll)", "imax({0}, {1})"),
     ("amin", "i"): (f"isplat({2**63 - 1}ll)", "imin({0}, {1})"),
     ("amax", "b"): ("isplat(0)", "({0} | {1})"),
