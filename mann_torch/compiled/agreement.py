@@ -12,34 +12,71 @@ from .tracing import Untraceable
 
 #: Largest difference, relative to the largest entry of a value, that rounding explains.
 TOLERANCE = 1e-10
+#: Numbers of the constants and of the segments with gradients; None: forward alone.
+Wanted = tuple[tuple[int, ...], tuple[int, ...]] | None
 
 
-def check_agreement(program: Program) -> None:
+def check_agreement(program: Program, lanes: int, wanted: Wanted = None) -> None:
     """Raise `Untraceable` unless one step of the compiled form gives what the function gives.
 
-    A number drawn in Python, or one that a module counts up, is baked into a trace: here it shows.
+    With `wanted` (numbers of constants and of segments), one vector-Jacobian product too. A number
+    drawn in Python, or one that a module counts up, is baked into a trace: here it shows.
     """
+    for key in ((lanes, None), (lanes, wanted)):
+        if key not in program.agreed:
+            (_check_step if key[1] is None else _check_gradient)(program, *key)
+            program.agreed.add(key)
+
+
+def _check_step(program: Program, lanes: int, _: Wanted) -> None:
     with torch.no_grad():
         expected = program.flat_step(program.examples)
-    found = one_step(program)
-    for i, (mine, other) in enumerate(zip(found, expected, strict=True)):
-        _compare(f"carried value {i}", mine, other)
-
-
-def one_step(program: Program) -> list[Tensor]:
-    """The carry after one compiled step from the examples."""
-    job, constants, segments, carry = one_step_job(program)
-    with torch.no_grad():
-        marched = march(job, constants, segments, carry)
-    found, layout = [], program.layout
-    for leaf, (array, offset) in zip(layout.carry, layout.carry_places, strict=True):
+        marched = march(*one_step_job(program, lanes))
+    layout = program.layout
+    for i, (leaf, (array, offset)) in enumerate(
+        zip(layout.carry, layout.carry_places, strict=True)
+    ):
         row = (marched.last_f if array == "f" else marched.last_k)[0]
         value = row[offset : offset + torch.Size(leaf.shape).numel()].reshape(leaf.shape)
-        found.append(value != 0 if leaf.kind == "b" else value)
-    return found
+        _compare(f"carried value {i}", value != 0 if leaf.kind == "b" else value, expected[i])
 
 
-def one_step_job(program: Program) -> tuple[Job, Tensor, Tensor, Tensor]:
+def _check_gradient(program: Program, lanes: int, wanted: Wanted) -> None:
+    """Against `torch.func.vjp` of the function itself, for one random vector."""
+    constants, segments = wanted or ((), ())
+    places = program.wanted_places(constants, segments)
+    floating = program.layout.floating
+
+    def moved(*values: Tensor) -> tuple[Tensor, ...]:
+        full = [*program.examples]
+        for place, value in zip(places, values, strict=True):
+            full[place] = value
+        results = program.flat_step(full)
+        return tuple(results[i] for i in floating)
+
+    with torch.inference_mode(False), torch.enable_grad():
+        results, pull = torch.func.vjp(moved, *(program.examples[i] for i in places))
+        generator = torch.Generator().manual_seed(0)
+        given = tuple(torch.randn(r.shape, generator=generator, dtype=r.dtype) for r in results)
+        expected = pull(given)
+        job, *tensors = one_step_job(program, lanes, wanted)
+        free = [t.clone().requires_grad_(True) for t in tensors]
+        marched = march(job, *free)
+        row = torch.cat([g.reshape(-1) for g in given])
+        found = torch.autograd.grad(marched.state_f, free, row.reshape(marched.state_f.shape))
+    columns = [
+        found[0][0, program.constant_columns(constants)],
+        found[1][0, 0, program.segment_columns(segments)],
+        found[2][0],
+    ]
+    mine = torch.cat(columns).split([e.numel() for e in expected])
+    for i, (own, other) in enumerate(zip(mine, expected, strict=True)):
+        _compare(f"gradient {i}", own.reshape(other.shape), other)
+
+
+def one_step_job(
+    program: Program, lanes: int | None = None, wanted: Wanted = None
+) -> tuple[Job, Tensor, Tensor, Tensor]:
     """A march of one step of one sample, from the program's examples."""
     given = program.arguments(program.examples)
     constants = [given.constants[i] for i in program.used]
@@ -60,9 +97,11 @@ def one_step_job(program: Program) -> tuple[Job, Tensor, Tensor, Tensor]:
         state_slot=slot,
         limit=float("inf"),
         tape_memory=1e9,
-        wanted=((), ()),
+        wanted=wanted or ((), ()),
+        lanes=lanes,
     )
-    return job, row_of(constants, True), row_of(given.segments, True)[None], row_of(given.carry, True)
+    rows = row_of(constants, True), row_of(given.segments, True)[None], row_of(given.carry, True)
+    return job, *rows
 
 
 def row_of(tensors: list[Tensor], floating: bool) -> Tensor:

@@ -46,6 +46,12 @@ class Job:
     tape_memory: float  # [bytes]
     wanted: tuple[tuple[int, ...], tuple[int, ...]]  # constants, segments with gradients
     progress: Callable[[int], object] | None = None
+    lanes: int | None = None  # None: as many as serve the batch
+
+    @property
+    def lanes_used(self) -> int:
+        """Lanes of a group."""
+        return self.lanes or lanes_for(self.program, len(self.carry_k), torch.get_num_threads())
 
     @property
     def n_steps(self) -> int:
@@ -111,10 +117,9 @@ class Marcher:
     ) -> None:
         self.job, self.batch = job, len(carry)
         layout = job.program.layout
-        threads = torch.get_num_threads()
-        self._lanes = lanes = lanes_for(job.program, self.batch, threads)
+        self._lanes = lanes = job.lanes_used
         self._groups = -(-self.batch // lanes)
-        parts = min(threads, self._groups)
+        parts = min(torch.get_num_threads(), self._groups)
         edges = [self._groups * part // parts for part in range(parts + 1)]
         self._shares = [(low, high - low) for low, high in pairwise(edges)]
         self._constants, self._segments = to_lanes(constants, lanes), to_lanes(segments, lanes)

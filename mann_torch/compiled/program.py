@@ -46,6 +46,8 @@ class Program:
         with torch.inference_mode(False):
             # Views would be traced as raw `as_strided`.
             self.examples = [x.detach().clone() for x in examples]
+        #: What has been compared with eager torch, see `agreement`.
+        self.agreed: set[Any] = set()
         self._texts: dict[Any, KernelText] = {}
         self._gradients: dict[Any, tuple[list[Output], Sizes]] = {}
         made = trace(self.flat_step, self.examples)

@@ -82,12 +82,14 @@ def run(task: Task) -> Record:
         wanted=(wanted, moving),
         progress=task.progress,
     )
-    found = march(
-        job,
+    tensors = (
         _flat([c for c, f in zip(constants, floating, strict=True) if f], task),
         _stacked(rows.segments, task),
         _flat([c for c in rows.carry if c.is_floating_point()], task),
     )
+    backward = torch.is_grad_enabled() and any(t.requires_grad for t in tensors)
+    check_agreement(program, job.lanes_used, job.wanted if backward else None)
+    found = march(job, *tensors)
     return _record(task, step, program, found)
 
 
@@ -182,8 +184,6 @@ def _program(task: Task, step: LoopStep, rows: _Rows) -> Program:
                 made: Program | Untraceable = Program(
                     step, layout, [*clock, *one, *segment, *noise, *carry]
                 )
-                if isinstance(made, Program):
-                    check_agreement(made)
             except Untraceable as error:
                 made = error
             found = _PROGRAMS[key] = (made, prints.alive)

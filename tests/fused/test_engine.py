@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import random
+import re
 import subprocess
 import sys
 
@@ -10,10 +12,9 @@ import pytest
 import torch
 
 import mann_torch as mt
-from mann_torch import fused
-from mann_torch.fused import kernels
-from mann_torch.simulation import fused_engine
-from mann_torch.types import Comparison
+from mann_torch.compiled import host
+from mann_torch.simulation import compiled_engine
+from mann_torch.types import Comparison, Measurement, PlantState
 from tests.conftest import generator, make_controller, make_loop, make_scenario
 from tests.fused.loops import case
 from tests.fused.test_parity import assert_same
@@ -26,34 +27,136 @@ class Lukewarm(mt.SoftAttention):
         return active.double() / active.sum(dim=-1, keepdim=True)
 
 
-def own_loop() -> mt.ClosedLoop:
-    memory = mt.WorkingMemory(3, 6, Lukewarm())
+class Deciding(Lukewarm):
+    """One that decides on data in Python."""
+
+    def forward(self, comparison: Comparison, active: torch.Tensor) -> torch.Tensor:
+        if comparison.query.sum() > 0:
+            return super().forward(comparison, active)
+        return super().forward(comparison, active)
+
+
+class Holding(Lukewarm):
+    """One with a tensor that is neither parameter nor buffer."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.scale = [torch.ones(3, dtype=torch.float64)]
+
+    def forward(self, comparison: Comparison, active: torch.Tensor) -> torch.Tensor:
+        return super().forward(comparison, active) * self.scale[0]
+
+
+class Spectral(Lukewarm):
+    """One with an operation that has no compiled form."""
+
+    def forward(self, comparison: Comparison, active: torch.Tensor) -> torch.Tensor:
+        spread = torch.linalg.eigvalsh(comparison.keys @ comparison.keys.mT).sum()
+        return super().forward(comparison, active) + 0.0 * spread
+
+
+class Drawing(Lukewarm):
+    """One whose numbers Python draws anew at each call."""
+
+    def forward(self, comparison: Comparison, active: torch.Tensor) -> torch.Tensor:
+        return super().forward(comparison, active) * (1.0 + 0.1 * random.random())
+
+
+def own_loop(attention: mt.Attention) -> mt.ClosedLoop:
+    memory = mt.WorkingMemory(3, 6, attention)
     return mt.ClosedLoop(mt.TwoLinkArm(), mt.MannController(2, 6, memory))
 
 
 def test_auto_takes_the_fused_engine_and_says_so() -> None:
     run = mt.rollout(make_loop("hard"), make_scenario(0.02))
-    assert run.engine == "fused" and run.engine_reason == "every part has a fused form"
+    assert run.engine == "fused" and run.engine_reason == compiled_engine.REASON
     run = mt.rollout(make_loop("hard"), make_scenario(0.02), engine="torch")
     assert run.engine == "eager" and run.engine_reason == "asked for"
 
 
-def test_a_part_of_ones_own_runs_on_the_torch_engine_and_is_named() -> None:
-    run = mt.rollout(own_loop(), make_scenario(0.02))
-    assert run.engine == "eager" and "Lukewarm" in run.engine_reason
+def test_a_part_of_ones_own_is_compiled() -> None:
+    runs = [
+        mt.rollout(own_loop(Lukewarm()), make_scenario(0.2), generator=generator(), engine=engine)
+        for engine in ("torch", "auto")
+    ]
+    assert [run.engine for run in runs] == ["eager", "fused"]
+    torch.testing.assert_close(runs[1].q, runs[0].q, rtol=1e-13, atol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("attention", "words"),
+    [
+        (Deciding, "a decision on data .* in Deciding, test_engine.py:.*: if comparison.query.sum"),
+        (Holding, "neither parameter nor buffer.*test_engine.py:.*self.scale"),
+        (Spectral, "_linalg_eigh.* has no compiled form.*test_engine.py:.*eigvalsh"),
+        (Drawing, "differs from eager torch.*Python draws"),
+    ],
+)
+def test_what_cannot_be_compiled_is_named_and_runs_in_torch(
+    attention: type[mt.Attention], words: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING, "mann_torch"):
+        run = mt.rollout(own_loop(attention()), make_scenario(0.02))
+    assert run.engine == "eager" and re.search(words, run.engine_reason), run.engine_reason
+    assert not caplog.records  # five steps are no wait
+    with pytest.raises(mt.ConfigError, match="engine = 'fused': "):
+        mt.rollout(own_loop(attention()), make_scenario(0.02), engine="fused")
+
+
+def test_a_long_run_in_torch_is_told_of_once(caplog: pytest.LogCaptureFixture) -> None:
+    rollout_module = sys.modules["mann_torch.simulation.rollout"]
+    rollout_module._said.cache_clear()  # type: ignore[attr-defined]
+    with caplog.at_level(logging.WARNING, "mann_torch"):
+        for _ in range(2):
+            mt.rollout(own_loop(Deciding()), make_scenario(0.6), mt.Implicit(1e-3))
+    assert len(caplog.records) == 1 and "torch engine takes over" in caplog.text
+
+
+def test_an_adaptive_solver_runs_in_torch() -> None:
     run = mt.rollout(make_loop("nn"), make_scenario(0.01), mt.Odeint("dopri5"))
     assert run.engine == "eager" and "dopri5" in run.engine_reason
-    with pytest.raises(mt.ConfigError, match="Lukewarm has no fused form"):
-        mt.rollout(own_loop(), make_scenario(0.02), engine="fused")
+    with pytest.raises(mt.ConfigError, match="dopri5"):
+        mt.rollout(make_loop("nn"), make_scenario(0.02), mt.Odeint("dopri5"), engine="fused")
 
 
 class Drifting(mt.ClosedLoop):
-    """A loop of the user's own."""
+    """A loop of the user's own: the measurement is off by a millimetre."""
+
+    def measure(self, state: PlantState, noise: Measurement | None) -> Measurement:
+        found = super().measure(state, noise)
+        return Measurement(found.q + 1e-3, found.qd)
 
 
-def test_what_the_kernel_would_not_see_goes_to_the_torch_engine() -> None:
+def test_a_loop_of_ones_own_is_compiled_and_its_changes_count() -> None:
     loop = Drifting(mt.TwoLinkArm(), make_controller("nn"))
-    assert "Drifting" in mt.rollout(loop, make_scenario(0.01)).engine_reason
+    runs = [mt.rollout(loop, make_scenario(0.2), engine=engine) for engine in ("fused", "torch")]
+    torch.testing.assert_close(runs[0].q, runs[1].q, rtol=1e-13, atol=1e-14)
+    plain = mt.rollout(make_loop("nn"), make_scenario(0.2), engine="fused")
+    assert float((runs[0].q - plain.q).abs().max()) > 1e-5
+
+
+def test_a_number_of_a_module_changed_between_rollouts_counts() -> None:
+    loop, found = make_loop("nn"), []
+    for gravity in (9.8, 0.0, 9.8):
+        loop.plant.gravity = gravity
+        pair = [mt.rollout(loop, make_scenario(0.1), engine=e).q for e in ("fused", "torch")]
+        torch.testing.assert_close(*pair, rtol=1e-13, atol=1e-14)
+        found.append(pair[0])
+    assert torch.equal(found[0], found[2]) and not torch.equal(found[0], found[1])
+
+
+def test_a_derivative_is_that_of_the_numbers_that_were_run() -> None:
+    slopes = []
+    for later in (9.8, 0.0):
+        loop = make_loop("nn")
+        (gain,) = loop.controller.tune("base_gain")
+        loss = mt.rollout(loop, make_scenario(0.1), engine="fused").q.square().sum()
+        loop.plant.gravity = later
+        slopes.append(torch.autograd.grad(loss, gain)[0])
+    assert torch.equal(slopes[0], slopes[1])
+
+
+def test_hooks_and_empty_batches_go_to_the_torch_engine() -> None:
     loop = make_loop("nn")
     loop.controller.register_forward_hook(lambda *_: None)
     assert "hooks" in mt.rollout(loop, make_scenario(0.01)).engine_reason
@@ -111,7 +214,7 @@ def test_bad_options_are_named(options: dict, words: str) -> None:
 
 
 def test_without_warp_auto_goes_on_in_torch(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fused_engine, "missing", lambda: "warp-lang cannot be used (ImportError)")
+    monkeypatch.setattr(compiled_engine, "missing", lambda: "warp-lang cannot be used (ImportError)")
     run = mt.rollout(make_loop("nn"), make_scenario(0.02))
     assert run.engine == "eager" and "warp-lang" in run.engine_reason
     with pytest.raises(mt.ConfigError, match="warp-lang"):
@@ -127,14 +230,15 @@ def test_a_kernel_that_cannot_be_built_is_told_and_auto_goes_on(
         raise RuntimeError("no room\nleft")
 
     monkeypatch.setattr(wp, "force_load", refuse)
-    kernels._build.cache_clear()
+    host._build.cache_clear()
     with caplog.at_level(logging.WARNING, "mann_torch"):
         run = mt.rollout(make_loop("nn"), make_scenario(0.02))
-    assert run.engine == "eager" and "no room" in run.engine_reason
+        assert run.engine == "eager" and "no room" in run.engine_reason
+        mt.rollout(make_loop("nn"), make_scenario(3.0))
     assert len(caplog.records) == 1
     with pytest.raises(mt.KernelError, match="no room"):
         mt.rollout(make_loop("nn"), make_scenario(0.02), engine="fused")
-    kernels._build.cache_clear()
+    host._build.cache_clear()
 
 
 def test_kept_motion_is_thinned_inside_the_kernel_and_srmse_is_not() -> None:
@@ -191,12 +295,11 @@ def test_progress_counts_every_step() -> None:
     assert run.engine == "fused" and sum(seen) == len(run.step_t) - 1
 
 
-def test_equal_forms_share_a_kernel() -> None:
-    forms = [
-        fused.form_of(make_controller("soft"), coulomb=False, follow_reference=True)
-        for _ in range(2)
-    ]
-    assert forms[0] == forms[1] and hash(forms[0]) == hash(forms[1])
+def test_equal_loops_share_a_program() -> None:
+    mt.rollout(make_loop("soft"), make_scenario(0.02))
+    count = len(compiled_engine._PROGRAMS)
+    mt.rollout(make_loop("soft"), make_scenario(0.5), batch_shape=(4,))
+    assert len(compiled_engine._PROGRAMS) == count
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device on this machine")

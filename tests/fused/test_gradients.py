@@ -46,7 +46,7 @@ def test_equal_to_torch_autograd_over_two_seconds(name: str) -> None:
     assert found.keys() == expected.keys() == free.keys()
     for key, gradient in expected.items():
         assert gradient.norm() > 0, key
-        assert float((found[key] - gradient).norm() / gradient.norm()) <= 1e-9, key
+        assert float((found[key] - gradient).norm() / gradient.norm()) <= 1e-11, key
 
 
 @pytest.mark.parametrize("name", QUICK)
@@ -141,14 +141,16 @@ def test_a_dead_sample_leaks_no_nan_and_its_mates_keep_their_gradient(name: str)
         torch.testing.assert_close(gradient, expected, rtol=1e-9, atol=0)
 
 
-def test_a_constant_changed_before_backward_is_an_error_as_in_torch() -> None:
-    made = case("nn", 0.02)
-    (gain,) = made.loop.controller.tune("error_gain")
-    loss = mt.srmse(made.run(engine="fused")).sum()
-    with torch.no_grad():
-        gain.mul_(2.0)
-    with pytest.raises(RuntimeError, match="modified by an inplace operation"):
-        loss.backward()
+def test_a_constant_changed_before_backward_leaves_the_gradient_of_what_was_run() -> None:
+    found = []
+    for factor in (1.0, 2.0):
+        made = case("nn", 0.02)
+        (gain,) = made.loop.controller.tune("error_gain")
+        loss = mt.srmse(made.run(engine="fused")).sum()
+        with torch.no_grad():
+            gain.mul_(factor)
+        found.append(torch.autograd.grad(loss, gain)[0])
+    assert torch.equal(found[0], found[1])
 
 
 def test_a_second_backward_gives_the_same_bits_and_no_tape_is_kept() -> None:
