@@ -24,7 +24,7 @@ class Kept(NamedTuple):
     b_v: Tensor  # (K, B, N)
     mu: Tensor | None  # (K, B, S, N)
     keys: Tensor | None  # (K, B, S, n)
-    active: Tensor | None  # (K, B, S) float64, 1 for slots in use, or activity levels
+    active: Tensor | None  # (K, B, S) float64, 1 for slots in use
     counts: Tensor | None  # (K, B, 3) int32: attended, switches, reallocations; hybrid: 6, with
     # located, sliding and unresolved events
     last_active: Tensor | None  # (B, S) after the last step
@@ -74,7 +74,7 @@ def march(job: Job, inputs: Inputs) -> Kept:
     kept = Kept(
         motion=motion,
         **{name: leaves_by_name.get(name) for name in LEAVES},  # type: ignore[arg-type]
-        active=leaves_by_name.get("active", marcher.kept.get("active")),
+        active=marcher.kept.get("active"),
         counts=marcher.kept.get("counts"),
         last_active=marcher.last.get("active"),
         last_counts=marcher.last.get("counts"),

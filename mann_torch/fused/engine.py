@@ -52,7 +52,7 @@ class Marcher:
         self.n_steps = grid.n_steps
         carried = {name: getattr(inputs, name) for name in CARRIED}
         self._carried = [name for name, value in carried.items() if value is not None]
-        carried["active"] = job.active if inputs.active is None else inputs.active
+        carried["active"] = job.active
         carried["counts"] = job.counts
         if job.form.hybrid:
             carried["event"] = inputs.q.new_zeros((self.batch, N_EVENT))
@@ -72,7 +72,7 @@ class Marcher:
         self.kept = {
             name: value.new_empty((rows["state"], *value.shape))
             for name, value in self._start.items()
-            if name in (*KEPT, "counts")
+            if name in (*KEPT, "active", "counts")
         }
         start = {"device": inputs.q.device, "dtype": torch.int32}
         self.stop = torch.full((self.batch,), self.n_steps, **start)  # type: ignore[call-overload]

@@ -17,9 +17,7 @@ from ..memory import (
     HardAttention,
     KeyRule,
     ReallocatingAttention,
-    RelaxedAttention,
     RepresentationKeys,
-    SoftAttention,
     StateKeys,
     WorkingMemory,
 )
@@ -33,10 +31,8 @@ REFERENCES: dict[type[Reference], str] = {Sinusoid: "sinusoid"}
 CONTROLLERS: dict[type[Controller], str] = {MannController: "closed_loop"}
 CONTROL_PARTS = (FilteredTracking, AdaptiveNetwork, RobustGain, WorkingMemory)
 ATTENTIONS: dict[type[Attention], str] = {
-    SoftAttention: "soft",
     HardAttention: "hard",
     ReallocatingAttention: "reallocating",
-    RelaxedAttention: "relaxed",
 }
 KEY_RULES: dict[type[KeyRule], str] = {RepresentationKeys: "representation", StateKeys: "state"}
 
@@ -51,7 +47,6 @@ CONSTANTS = (
     "write_gain",
     "shift_threshold",
     "key_rate",
-    "temperature",
 )
 #: A sample's row of plant coefficients: phi, rho, psi, phi gamma, psi gamma, viscous (2),
 #: Coulomb (2), Coulomb velocity.
@@ -93,12 +88,7 @@ class Form:
     @property
     def reallocates(self) -> bool:
         """Whether a slot can be reset."""
-        return self.attention in ("reallocating", "relaxed_reallocating")
-
-    @property
-    def relaxed(self) -> bool:
-        """Whether slots have activity levels, which carry gradients from step to step."""
-        return self.attention.startswith("relaxed")
+        return self.attention == "reallocating"
 
 
 def unfused_part(plant: Plant, controller: Controller, reference: Reference) -> str | None:
@@ -136,8 +126,6 @@ def form_of(
         )
     attention = memory.attention
     name = ATTENTIONS[type(attention)]
-    if isinstance(attention, RelaxedAttention):
-        name += "_reallocating" if attention.reallocates else "_hard"
     return Form(
         n_hidden=n_hidden,
         n_slots=memory.n_slots,

@@ -18,7 +18,7 @@ class Inputs(NamedTuple):
     frequency: Tensor  # (B, n)
     reference_offset: Tensor  # (B, n)
     error_gain: Tensor  # (B, n, n)
-    constant: Tensor  # (B, 10), order of `form.CONSTANTS`
+    constant: Tensor  # (B, 9), order of `form.CONSTANTS`
     coefficient: Tensor  # (segments, B, 10)
     q: Tensor  # (B, n), the state at t = 0 from here on
     qd: Tensor  # (B, n)
@@ -31,7 +31,6 @@ class Inputs(NamedTuple):
     squared: Tensor  # (B, n), squared error at t = 0 times its share of time
     torque: Tensor | None  # (B, n), of the step before; None where effort is not measured
     effort: Tensor | None  # (B, 2n), integral of squared torque rates, and peak torques
-    active: Tensor | None  # (B, S), activity levels of relaxed attention
 
 
 PARAMETERS = Inputs._fields[:6]
@@ -39,8 +38,8 @@ LEAVES = Inputs._fields[6:14]
 CARRIED = Inputs._fields[6:]
 #: What a row of the kept motion holds, one after the other.
 MOTION = ("q", "qd", "squared", "effort")
-#: Those kept as outputs.
-KEPT = (*LEAVES, "active")
+#: Those kept as outputs with a gradient.
+KEPT = LEAVES
 
 
 class Grid(NamedTuple):
@@ -67,7 +66,7 @@ class Job:
     gamma: float
     grid: Grid
     horizon: Tensor  # (B,) [s]
-    active: Tensor | None  # (B, S) float64, 1 for slots in use at t = 0; not of relaxed attention
+    active: Tensor | None  # (B, S) float64, 1 for slots in use at t = 0
     counts: Tensor | None  # (B, 3) int32: attended, switches, reallocations; hybrid: (B, 6)
     noise_std: Tensor | None  # (B, 2) [rad], [rad/s]
     noise_row: Tensor | None  # (B,) int32, row of `noise_unit`

@@ -65,7 +65,6 @@ def pack_inputs(
         squared=_rows(squared, batch, 1),
         torque=torch.zeros_like(q) if form.effort else None,
         effort=torch.zeros_like(q).repeat(1, 2) if form.effort else None,
-        active=pack_mode(mode)[0] if form.relaxed else None,
     )
 
 
@@ -89,11 +88,11 @@ def pack_mode(mode: MemoryMode | None, hybrid: bool = False) -> tuple[Tensor | N
 
 
 def unpack_mode(
-    form: Form, active: Tensor | None, counts: Tensor | None, shape: Any
+    active: Tensor | None, counts: Tensor | None, shape: Any
 ) -> MemoryMode | None:
     """The mode again, with leading dimensions `shape`."""
     if active is None or counts is None:
         return None
     attended, switches, resets = counts[..., :3].to(torch.int64).reshape(*shape, 3).unbind(-1)
     active = active.reshape(*shape, -1)
-    return MemoryMode(active if form.relaxed else active > 0.5, attended, switches, resets)
+    return MemoryMode(active > 0.5, attended, switches, resets)

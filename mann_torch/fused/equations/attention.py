@@ -1,4 +1,4 @@
-"""Attention: weights over slots; mirrors `memory/soft.py` and `memory/hard.py`."""
+"""Attention: weights over slots; mirrors `memory/hard.py`."""
 
 from types import SimpleNamespace
 
@@ -51,36 +51,3 @@ def make_hard(t: SimpleNamespace, keys: SimpleNamespace) -> SimpleNamespace:
 
     return SimpleNamespace(attend=attend)
 
-
-def make_soft(t: SimpleNamespace, keys: SimpleNamespace) -> SimpleNamespace:
-    """Softmax of the keys' inner products with the query, over the active slots."""
-    real, State, constants = t.real, t.State, t.constants
-    hidden_vector, slot_vector, S = t.hidden_vector, t.slot_vector, t.S
-    scores = keys.scores
-
-    @wp.func
-    def masked_softmax(score: slot_vector, active: slot_vector):
-        largest = real(-wp.inf)
-        for i in range(S):
-            if active[i] > real(0.5):
-                largest = wp.max(largest, score[i])
-        weights = slot_vector()
-        total = real(0.0)
-        for i in range(S):
-            if active[i] > real(0.5):
-                weights[i] = wp.exp(score[i] - largest)
-                total += weights[i]
-        return weights / total
-
-    @wp.func_grad(masked_softmax)
-    def adj_masked_softmax(score: slot_vector, active: slot_vector, adj_ret: slot_vector):
-        weights = masked_softmax(score, active)
-        mean = wp.dot(weights, adj_ret)
-        for i in range(S):
-            wp.adjoint[score][i] += weights[i] * (adj_ret[i] - mean)
-
-    @wp.func
-    def attend(y: State, hidden: hidden_vector, active: slot_vector, c: constants):
-        return masked_softmax(scores(y, hidden), active)
-
-    return SimpleNamespace(attend=attend)

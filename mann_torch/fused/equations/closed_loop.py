@@ -33,8 +33,6 @@ def make_closed_loop(form: Form, t: SimpleNamespace) -> SimpleNamespace:
         memory = make_memory(form, t)
         write, key_rate_of = memory.write, memory.key_rate_of
         relevance, shift, fresh = memory.relevance, memory.shift, memory.fresh
-        if memory.relaxed is not None:
-            contents_square = memory.relaxed.contents_square
 
     @wp.func
     def gain_of(y: State, active: slot_vector, c: constants):
@@ -175,6 +173,4 @@ def make_closed_loop(form: Form, t: SimpleNamespace) -> SimpleNamespace:
     )
     if MEMORY:
         found.attend, found.largest, found.memory = memory.attend, memory.largest, memory
-        if memory.relaxed is not None:  # there a reset has a degree, and that a gradient
-            found.reset_mask, found.raised = memory.relaxed.reset_degrees, memory.relaxed.raised
     return found

@@ -11,9 +11,6 @@ def make_representation(t: SimpleNamespace) -> SimpleNamespace:
     hidden_vector, slot_vector, key_matrix = t.hidden_vector, t.slot_vector, t.key_matrix
     S, N = t.S, t.N
 
-    @wp.func
-    def scores(y: State, hidden: hidden_vector):
-        return y.mu * hidden
 
     @wp.func
     def distances(y: State, hidden: hidden_vector, write_gain: real):
@@ -62,7 +59,6 @@ def make_representation(t: SimpleNamespace) -> SimpleNamespace:
         return pair()
 
     return SimpleNamespace(
-        scores=scores,
         distances=distances,
         distance=distance,
         derivative=derivative,
@@ -76,9 +72,6 @@ def make_state(t: SimpleNamespace) -> SimpleNamespace:
     hidden_vector, slot_vector, key_matrix = t.hidden_vector, t.slot_vector, t.key_matrix
     S = t.S
 
-    @wp.func
-    def scores(y: State, hidden: hidden_vector):
-        return y.keys * y.seen
 
     @wp.func
     def distances(y: State, hidden: hidden_vector, write_gain: real):
@@ -110,7 +103,6 @@ def make_state(t: SimpleNamespace) -> SimpleNamespace:
         return q
 
     return SimpleNamespace(
-        scores=scores,
         distances=distances,
         distance=distance,
         derivative=derivative,

@@ -5,9 +5,8 @@ from types import SimpleNamespace
 import warp as wp
 
 from ..form import Form
-from .attention import make_hard, make_nearest, make_soft
+from .attention import make_hard, make_nearest
 from .keys import make_representation, make_state
-from .relaxed import make_relaxed
 
 
 def make_memory(form: Form, t: SimpleNamespace) -> SimpleNamespace:
@@ -17,11 +16,7 @@ def make_memory(form: Form, t: SimpleNamespace) -> SimpleNamespace:
     S, ALWAYS = t.S, form.always
     representation = make_representation(t)
     keys = make_state(t) if form.keys == "state" else representation
-    relaxed = make_relaxed(form, t) if form.relaxed else None
-    if relaxed is None:
-        attend = (make_soft if form.attention == "soft" else make_hard)(t, keys).attend
-    else:
-        attend = relaxed.attend
+    attend = make_hard(t, keys).attend
     relevance = representation.distances
     key_rate_of, fresh = keys.derivative, keys.fresh
 
@@ -75,7 +70,6 @@ def make_memory(form: Form, t: SimpleNamespace) -> SimpleNamespace:
 
     return SimpleNamespace(
         attend=attend,
-        relaxed=relaxed,
         relevance=relevance,
         key_rate_of=key_rate_of,
         fresh=fresh,
