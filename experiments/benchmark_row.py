@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-import resource
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass
 from typing import Any, cast
+from unittest import mock
 
 import torch
 from omegaconf import OmegaConf
@@ -16,12 +17,24 @@ from torch import Tensor
 
 import mann_torch as mt
 
+from .benchmark_measure import peak_mb
 from .build import Experiment, build
 from .cli import compose_job
 from .config import SimulateConfig
 
-#: The loop that every engine runs: smooth, so that all must reach the same figure.
-LOOP = ("scenario='1'", "controller=soft")
+#: The controller that every engine runs: smooth, so that all must reach the same figure.
+SMOOTH = "soft"
+#: The paper's, for what runs on the hand-written kernel.
+PAPER = "reallocating_initial"
+#: Engines of `rollout` and their solver, where it is not the default.
+TORCH: dict[str, mt.Solver] = {
+    "eager": mt.Implicit(),
+    "torch.compile": mt.Implicit(compile=True),
+    "dopri5": mt.Odeint("dopri5", dt=4e-3, rtol=1e-5),
+    "rk4": mt.Odeint("rk4", dt=4e-3, max_step=2e-4),
+}
+JAX = ("jax scan", "diffrax Tsit5")
+Runs = tuple[Callable[[], Tensor], Callable[[], Tensor]]
 
 
 @dataclass(frozen=True)
@@ -33,51 +46,65 @@ class Line:
     forward: float
     gradient: float
     repeats: int = 1
+    loop: str = SMOOTH
 
 
-def experiment(batch: int, horizon: float) -> Experiment:
-    """`batch` draws of the benchmark's loop."""
-    overrides = [*LOOP, f"draws={batch}", f"horizon={horizon}"]
+def experiment(batch: int, horizon: float, loop: str = SMOOTH) -> Experiment:
+    """`batch` draws of scenario 1 under a controller."""
+    overrides = ["scenario='1'", f"controller={loop}", f"draws={batch}", f"horizon={horizon}"]
     return build(cast(SimulateConfig, OmegaConf.to_object(compose_job("simulate", overrides))))
 
 
-def _rollout(engine: str, made: Experiment) -> mt.Trajectory:
-    solvers: dict[str, mt.Solver] = {
-        "eager": mt.Implicit(),
-        "compiled": mt.Implicit(compile=True),
-        "dopri5": mt.Odeint("dopri5", dt=4e-3, rtol=1e-5),
-        "rk4": mt.Odeint("rk4", dt=4e-3, max_step=2e-4),
-    }
-    return mt.rollout(
-        made.loop,
-        made.scenario,
-        solvers.get(engine, made.solver),
-        network=made.network,
-        engine="torch" if engine in solvers else "fused",
-        device="cuda" if engine == "fused cuda" else "cpu",
-        motion_dt=0.1,
-        sample_until=0.0,
+def hand_written() -> AbstractContextManager[object]:
+    """Rollouts of a block run on the hand-written kernel where the compiled engine would."""
+    from mann_torch.simulation import compiled_engine, fused_engine
+
+    return mock.patch.object(compiled_engine, "run", fused_engine.run)
+
+
+def run(engine: str, made: Experiment, motion_dt: float | None = 0.1) -> mt.Trajectory:
+    """One rollout on an engine of this package."""
+    with hand_written() if engine == "hand-written" else nullcontext():
+        return mt.rollout(
+            made.loop,
+            made.scenario,
+            TORCH.get(engine, made.solver),
+            network=made.network,
+            engine="torch" if engine in TORCH else "fused",
+            device="cuda" if engine == "compiled cuda" else "cpu",
+            motion_dt=motion_dt,
+            sample_until=0.0,
+        )
+
+
+def smooth_constants(made: Experiment) -> list[str]:
+    """The names of all constants with a gradient: theta is compared with, no more."""
+    return [name for name in made.loop.controller.constants() if name != "shift_threshold"]
+
+
+def error_of(engine: str, made: Experiment) -> Tensor:
+    """SRMSE (B, n) of a rollout without gradients."""
+    with torch.no_grad():
+        return mt.srmse(run(engine, made))
+
+
+def slope_of(engine: str, made: Experiment, names: Sequence[str]) -> tuple[Tensor, list[Tensor]]:
+    """SRMSE (B, n) of a rollout and its gradients to the named constants."""
+    free = made.loop.controller.tune(*names)
+    found = mt.srmse(run(engine, made))
+    return found.detach(), list(torch.autograd.grad(found.sum(), free))
+
+
+def _torch_runs(line: Line, horizon: float) -> Runs:
+    made = experiment(line.batch, horizon, line.loop)
+    names = smooth_constants(made)
+    return (
+        lambda: error_of(line.engine, made),
+        lambda: slope_of(line.engine, made, names)[0],
     )
 
 
-def _torch_runs(line: Line, horizon: float) -> tuple[Callable[[], Tensor], Callable[[], Tensor]]:
-    made = experiment(line.batch, horizon)
-    controller = made.loop.controller
-
-    def forward() -> Tensor:
-        with torch.no_grad():
-            return mt.srmse(_rollout(line.engine, made))
-
-    def both() -> Tensor:
-        free = controller.tune(*(n for n in controller.constants() if n != "shift_threshold"))
-        found = mt.srmse(_rollout(line.engine, made))
-        torch.autograd.grad(found.sum(), free)
-        return found.detach()
-
-    return forward, both
-
-
-def _jax_runs(line: Line, horizon: float) -> tuple[Callable[[], Tensor], Callable[[], Tensor]]:
+def _jax_runs(line: Line, horizon: float) -> Runs:
     import jax
     import numpy as np
 
@@ -109,10 +136,10 @@ def _time(run: Callable[[], Tensor], repeats: int) -> tuple[float, Tensor]:
 
 def measure(line: Line) -> dict[str, Any]:
     """Seconds per simulated second and trajectory, compile time, SRMSE, peak memory."""
-    if line.engine in ("eager", "compiled", "dopri5", "rk4"):
+    if line.engine in TORCH:
         torch.set_num_threads(1)  # one thread beats two at these sizes
-    runs = _jax_runs if line.engine in ("jax scan", "diffrax Tsit5") else _torch_runs
-    warm = line.engine in ("compiled", "jax scan", "diffrax Tsit5", "fused", "fused cuda")
+    runs = _jax_runs if line.engine in JAX else _torch_runs
+    warm = line.engine not in ("eager", "dopri5", "rk4")
     start = time.perf_counter()
     forward, _ = runs(line, line.forward)
     if warm:  # JAX compiles for a horizon, the others for any
@@ -137,7 +164,7 @@ def measure(line: Line) -> dict[str, Any]:
         seconds, _ = _time(both, line.repeats)
         result["both_s"] = seconds / (line.gradient * line.batch)
         result["both_over_forward"] = seconds / here
-    result["peak_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    result["peak_mb"] = peak_mb()
     return result
 
 

@@ -9,14 +9,17 @@ from typing import Any
 from .graph import Graph, IndexMap, Node, Shape, number_of
 from .views import expand, view
 
+_NAMES = """
+    add sub mul div neg abs sqrt square exp exp2 expm1 log log2 log10 log1p sin cos tan asin
+    acos copy atan atan2 sinh cosh tanh asinh acosh atanh sigmoid erf erfc pow powi reciprocal
+    sign floor ceil trunc round fmod remainder max min copysign hypot lt le gt ge eq ne and or
+    xor not where to_f to_i to_b iadd isub imul idiv imod ineg iabs imax imin ilt ile igt ige
+    ieq ine
+"""
 #: Pointwise operations on lanes, by name; `cpp/expressions.py` has the text of each.
-POINTWISE = frozenset(
-    "add sub mul div neg abs sqrt square exp exp2 expm1 log log2 log10 log1p sin cos tan asin acos "
-    "copy atan atan2 sinh cosh tanh asinh acosh atanh sigmoid erf erfc pow powi reciprocal sign floor "
-    "ceil trunc round fmod remainder max min copysign hypot lt le gt ge eq ne and or xor not where "
-    "to_f to_i to_b iadd isub imul idiv imod ineg iabs imax imin ilt ile igt ige ieq ine".split()
-)
-COMMUTATIVE = frozenset("add mul max min and or xor eq ne iadd imul imax imin ieq ine".split())
+POINTWISE = frozenset(_NAMES.split())
+_EITHER_WAY = "add mul max min and or xor eq ne iadd imul imax imin ieq ine"
+COMMUTATIVE = frozenset(_EITHER_WAY.split())
 #: What a reduction does, by name, and the value of an empty one.
 REDUCTIONS = {"sum": 0.0, "prod": 1.0, "amax": -math.inf, "amin": math.inf}
 
@@ -66,7 +69,7 @@ _FOLDS: dict[str, Callable[..., Any]] = {
     "ge": lambda a, b: a >= b,
     "ieq": lambda a, b: a == b,
     "ine": lambda a, b: a != b,
-    "not": lambda a: not a,
+    "not": lambda a: not a if isinstance(a, bool) else ~a,
     "and": lambda a, b: a & b,
     "or": lambda a, b: a | b,
     "to_f": float,
@@ -75,12 +78,18 @@ _FOLDS: dict[str, Callable[..., Any]] = {
 }
 
 
+def _wrapped(value: Any) -> Any:
+    """An integer as 64 bits hold it."""
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    return (value + 2**63) % 2**64 - 2**63 if whole else value
+
+
 def _simplified(g: Graph, op: str, args: list[Node], kind: str, shape: Shape) -> Node | None:
     numbers = [number_of(a) for a in args]
     if op in _FOLDS and all(n is not None for n in numbers):
         finite = all(math.isfinite(n) for n in numbers if n is not None)
         if finite or op not in ("to_i", "to_b"):
-            return g.full(_FOLDS[op](*numbers), shape, kind)
+            return g.full(_wrapped(_FOLDS[op](*numbers)), shape, kind)
     if op == "where":
         condition = numbers[0]
         if condition is not None:
@@ -92,7 +101,7 @@ def _simplified(g: Graph, op: str, args: list[Node], kind: str, shape: Shape) ->
         return args[0].args[0]
     if op == "not" and args[0].op == "not":
         return args[0].args[0]
-    if op in ("and", "or") and any(n is not None for n in numbers):
+    if kind == "b" and op in ("and", "or") and any(n is not None for n in numbers):
         known = next(i for i, n in enumerate(numbers) if n is not None)
         neutral = bool(numbers[known]) == (op == "and")
         return args[1 - known] if neutral else args[known]
@@ -130,7 +139,7 @@ def _with_number(
             if number == -1:
                 return pointwise(g, "neg", [other], "f", (), shape)
     if op == "div":
-        if left == 0:
+        if left == 0 and right != 0:
             return g.full(0.0, shape, "f")
         if right == 1:
             return a
@@ -144,14 +153,16 @@ def _with_number(
 
 
 def reduce(g: Graph, op: str, x: Node, dims: Sequence[int], kind: str | None = None) -> Node:
-    """Reduction over `dims`, which vanish: sum prod amax amin (of f, or i), argmax argmin (to i)."""
+    """Reduction over `dims`, which vanish; `kind` where the result is of another."""
     kept = tuple(n for d, n in enumerate(x.shape) if d not in dims)
     kind = x.kind if kind is None else kind
     count = math.prod(x.shape[d] for d in dims)
-    if op in REDUCTIONS and count == 1:
+    if op not in ("argmax", "argmin") and count == 1:
         maps, place = [], 0
         for d in range(len(x.shape)):
-            maps.append(IndexMap(0, tuple(int(i == place and d not in dims) for i in range(len(kept)))))
+            maps.append(
+                IndexMap(0, tuple(int(i == place and d not in dims) for i in range(len(kept))))
+            )
             place += d not in dims
         return view(g, x, kept, maps)
     if count == 0 and op in REDUCTIONS:

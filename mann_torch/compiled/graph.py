@@ -53,7 +53,9 @@ class Graph:
     def node(
         self, op: str, args: Sequence[Node], shape: Sequence[int], kind: str, attributes: Any = ()
     ) -> Node:
-        """The node of this description, as it is: no simplification."""
+        """The node of this description, as it is: no simplification, but nothing is all alike."""
+        if 0 in shape and op not in ("input", "full"):
+            return self.full(0, shape, kind)
         key = (op, tuple(a.number for a in args), tuple(shape), kind, attributes)
         found = self._known.get(key)
         if found is None:
@@ -105,7 +107,8 @@ def identity_maps(shape: Shape) -> tuple[IndexMap, ...]:
     """Each dimension by its own index."""
     rank = len(shape)
     return tuple(
-        IndexMap(0, tuple(int(i == d) for i in range(rank))) if shape[d] != 1
+        IndexMap(0, tuple(int(i == d) for i in range(rank)))
+        if shape[d] != 1
         # An index that is always 0.
         else IndexMap(0, (0,) * rank)
         for d in range(rank)

@@ -1,15 +1,18 @@
 """The one place that knows Warp: C++ text in, a callable kernel out.
 
 A kernel's text is a native function's body; it is compiled by Warp's own compiler, on CPU and
-CUDA, and cached on disk under a name made of all that it depends on.
+CUDA, and cached on disk under a name made of all that it depends on: where Warp keeps its kernels
+(`WARP_CACHE_PATH`), or in a temporary folder if nothing can be written there.
 """
 
 from __future__ import annotations
 
 import functools
 import hashlib
+import logging
 import os
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,8 +22,9 @@ import torch
 from torch import Tensor
 
 from ..errors import KernelError
-from .cache import loaded_safely, usable_cache
+from .cache import loaded_safely, temporary_folder
 
+log = logging.getLogger("mann_torch")
 #: Warp may be started, and a kernel built, by one thread at a time.
 LOCK = threading.RLock()
 #: One lane: the compiler finds vectors along loops over elements. Several: they are the vectors,
@@ -44,11 +48,39 @@ def _start() -> str | None:
             import warp as wp
 
             wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)
-            usable_cache(wp)
+            news = _usable_cache(wp)
             wp.init()
     except Exception as error:  # a missing wheel, a foreign platform
         return f"warp-lang cannot be used ({type(error).__name__}: {error})"
+    if news is not None:
+        log.warning(news)
     return None
+
+
+def _usable_cache(wp: Any) -> str | None:
+    """Before Warp starts: a temporary folder where its own can't be written; then, the news."""
+    from warp._src.build import init_kernel_cache
+
+    try:
+        init_kernel_cache(_wanted(wp))
+        with tempfile.NamedTemporaryFile(dir=wp.config.kernel_cache_dir):
+            return None
+    except OSError as error:
+        room = wp.config.kernel_cache_dir = str(temporary_folder(os.getpid()))
+        init_kernel_cache(room)
+        return f"no kernels can be kept ({error}); until this process ends they are in {room}"
+
+
+def _wanted(wp: Any) -> str:
+    from warp._src.thirdparty import appdirs
+
+    chosen = wp.config.kernel_cache_dir or os.environ.get("WARP_CACHE_PATH")
+    if chosen:
+        return str(chosen)
+    for usual in (appdirs.user_cache_dir("warp", "NVIDIA"), os.path.expanduser("~/.cache/warp")):
+        if os.path.isabs(usual):  # Warp would take the working directory
+            return usual
+    raise OSError("no home folder is known")
 
 
 @contextmanager
@@ -120,7 +152,10 @@ def kernel(text: str, lanes: int, device: str = "cpu") -> Kernel:
 
 @functools.lru_cache(maxsize=512)
 def _build(text: str, lanes: int, device: str) -> Any:
-    """The kernel, or the error that comes instead, so that no failure is tried twice."""
+    """The kernel, or the error that comes instead, so that no failure is tried twice.
+
+    A full disk or a folder gone may be better next time: that `KernelError` is raised.
+    """
     trouble = missing()
     if trouble is not None:
         return KernelError(trouble)
@@ -132,6 +167,12 @@ def _build(text: str, lanes: int, device: str) -> Any:
     options = {"cpu_compiler_flags": _FLAGS[lanes == 1], "fuse_fp": False}
     try:
         return loaded_safely(declare(name, text, options), wp, device)
-    except Exception as error:  # Warp raises bare exceptions: no compiler, no room, no permission
-        cause = str(error).strip().splitlines() or ["no message"]
-        return KernelError(f"the compiled kernel cannot be built on {device}: {cause[0]}")
+    except OSError as error:
+        raise _refusal(device, error) from error
+    except Exception as error:  # Warp raises bare exceptions: no compiler, a text it can't take
+        return _refusal(device, error)
+
+
+def _refusal(device: str, error: Exception) -> KernelError:
+    cause = str(error).strip().splitlines() or ["no message"]
+    return KernelError(f"the compiled kernel cannot be built on {device}: {cause[0]}")

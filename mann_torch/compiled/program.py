@@ -16,7 +16,7 @@ from .cpp.plan import Output
 from .graph import Graph, Node, reachable
 from .layout import Layout, offsets
 from .lowering import lower
-from .tracing import Untraceable, trace, trace_vjp
+from .tracing import Untraceable, told, trace, trace_vjp
 from .views import forget_cuts
 
 #: (clock, constants, segments, noise, carry) -> carry, each a list of tensors of one sample.
@@ -50,14 +50,18 @@ class Program:
         self.agreed: set[Any] = set()
         self._texts: dict[Any, KernelText] = {}
         self._gradients: dict[Any, tuple[list[Output], Sizes]] = {}
+        self._outputs = told(self._traced)
+
+    def _traced(self) -> list[Output]:
         made = trace(self.flat_step, self.examples)
         self.operations = len(made.graph.nodes)
         self.used = self._constants_in(made)
-        kept = tuple(given.constants[i] for i in self.used)
-        self.layout = dataclasses.replace(given, constants=kept)
+        kept = tuple(self.given.constants[i] for i in self.used)
+        self.layout = dataclasses.replace(self.given, constants=kept)
         self._graph = Graph()
-        self._outputs = self._results(lower(self._graph, made, self._inputs()))
+        found = self._results(lower(self._graph, made, self._inputs()))
         forget_cuts()
+        return found
 
     def _constants_in(self, made: GraphModule) -> tuple[int, ...]:
         """Numbers of the constants that the step's results depend on."""
@@ -115,9 +119,7 @@ class Program:
             self._texts[lanes] = forward_text(self.layout, self._outputs, lanes)
         return self._texts[lanes]
 
-    def backward(
-        self, lanes: int, constants: Sequence[int], segments: Sequence[int]
-    ) -> KernelText:
+    def backward(self, lanes: int, constants: Sequence[int], segments: Sequence[int]) -> KernelText:
         """Text of the backward kernel, with gradients to the numbered constants and segments."""
         key = (lanes, tuple(constants), tuple(segments))
         if key not in self._texts:
@@ -143,7 +145,7 @@ class Program:
     ) -> tuple[list[Output], Sizes]:
         key = (constants, segments)
         if key not in self._gradients:
-            self._gradients[key] = self._lowered_vjp(constants, segments)
+            self._gradients[key] = told(lambda: self._lowered_vjp(constants, segments))
         return self._gradients[key]
 
     def _lowered_vjp(
@@ -172,9 +174,7 @@ class Program:
     def constant_columns(self, chosen: Sequence[int]) -> Tensor:
         """Columns of the array of constants that the chosen ones take."""
         layout = self.layout
-        return _columns(
-            (layout.constant_places[i][1], layout.constants[i].shape) for i in chosen
-        )
+        return _columns((layout.constant_places[i][1], layout.constants[i].shape) for i in chosen)
 
     def segment_columns(self, chosen: Sequence[int]) -> Tensor:
         """Columns of the array of segments that the chosen ones take."""

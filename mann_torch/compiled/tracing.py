@@ -15,7 +15,8 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from contextvars import ContextVar
+from typing import Any, TypeVar
 
 import torch
 from torch import Tensor
@@ -23,28 +24,113 @@ from torch.autograd import forward_ad
 from torch.fx import GraphModule, Node
 
 from ..errors import MannError
+from .choosing import Choosing
 
 #: A function of tensors to tensors, in flat lists.
 Function = Callable[[Sequence[Tensor]], Sequence[Tensor]]
 #: torch's tracing is not made for several threads at once.
 _LOCK = threading.RLock()
+#: Whether a trace notes where its operations come from.
+_SOURCES: ContextVar[bool] = ContextVar("sources", default=False)
+Found = TypeVar("Found")
 _TORCH = os.path.dirname(torch.__file__)
 _HERE = os.path.dirname(__file__)
 
 #: Decomposed beyond the core operations.
-_MORE = (
-    "addcmul addcdiv linalg_vector_norm _softmax _softmax_backward_data _log_softmax "
-    "_log_softmax_backward_data sigmoid_backward tanh_backward mv addmm addmv square stack norm "
-    "diag_embed select_backward slice_backward softplus softplus_backward elu elu_backward silu "
-    "silu_backward gelu gelu_backward leaky_relu leaky_relu_backward hardtanh hardtanh_backward "
-    "log_sigmoid_forward log_sigmoid_backward mse_loss huber_loss smooth_l1_loss "
-    "clamp_min clamp_max lerp logsumexp baddbmm dot vdot index_add unsafe_split rsub std var "
-    "var_mean native_layer_norm native_layer_norm_backward trace logit logaddexp hypot nan_to_num "
-    "index_select masked_fill xlogy sinc heaviside frac threshold threshold_backward sgn "
-    "unfold_backward glu tril triu eye diagonal_backward roll "
-    "fill zeros_like ones_like new_zeros new_ones new_full new_empty rsqrt "
-    "take_along_dim cumprod_backward deg2rad rad2deg addmv mish mish_backward"
-).split()
+_MORE = [
+    "addcmul",
+    "addcdiv",
+    "linalg_vector_norm",
+    "_softmax",
+    "_softmax_backward_data",
+    "_log_softmax",
+    "_log_softmax_backward_data",
+    "sigmoid_backward",
+    "tanh_backward",
+    "mv",
+    "addmm",
+    "addmv",
+    "square",
+    "stack",
+    "norm",
+    "diag_embed",
+    "select_backward",
+    "slice_backward",
+    "softplus",
+    "softplus_backward",
+    "elu",
+    "elu_backward",
+    "silu",
+    "silu_backward",
+    "gelu",
+    "gelu_backward",
+    "leaky_relu",
+    "leaky_relu_backward",
+    "hardtanh",
+    "hardtanh_backward",
+    "log_sigmoid_forward",
+    "log_sigmoid_backward",
+    "mse_loss",
+    "huber_loss",
+    "smooth_l1_loss",
+    "clamp_min",
+    "clamp_max",
+    "lerp",
+    "logsumexp",
+    "baddbmm",
+    "dot",
+    "vdot",
+    "index_add",
+    "unsafe_split",
+    "rsub",
+    "std",
+    "var",
+    "var_mean",
+    "native_layer_norm",
+    "native_layer_norm_backward",
+    "trace",
+    "logit",
+    "logaddexp",
+    "hypot",
+    "nan_to_num",
+    "index_select",
+    "masked_fill",
+    "xlogy",
+    "sinc",
+    "heaviside",
+    "frac",
+    "threshold",
+    "threshold_backward",
+    "sgn",
+    "unfold_backward",
+    "glu",
+    "tril",
+    "triu",
+    "eye",
+    "diagonal_backward",
+    "roll",
+    "fill",
+    "zeros_like",
+    "ones_like",
+    "new_zeros",
+    "new_ones",
+    "new_full",
+    "new_empty",
+    "take_along_dim",
+    "cumprod_backward",
+    "deg2rad",
+    "rad2deg",
+    "addmv",
+    "mish",
+    "mish_backward",
+    "softshrink_backward",
+    "hardshrink_backward",
+    "native_group_norm",
+    "native_group_norm_backward",
+    "dist",
+]
+#: Kept whole: torch would write them in operations of its own, or round otherwise than it does.
+_WHOLE = ("rsqrt", "hypot", "var", "linspace", "logspace")
 
 
 class Untraceable(MannError):
@@ -63,16 +149,65 @@ def _decompositions() -> dict[Any, Callable[..., Any]]:
             table.update(get_decompositions([packet]))
         except (RuntimeError, KeyError):  # this version has none for it
             continue
-    return table
+    whole = [getattr(aten, name) for name in _WHOLE]
+    return {k: v for k, v in table.items() if getattr(k, "overloadpacket", None) not in whole}
+
+
+def told(make: Callable[[], Found]) -> Found:
+    """What `make` traces; if it can't, once more with source lines, which cost time."""
+    try:
+        return make()
+    except Untraceable:
+        token = _SOURCES.set(True)
+        try:
+            return make()
+        finally:
+            _SOURCES.reset(token)
 
 
 def trace(function: Function, examples: Sequence[Tensor]) -> GraphModule:
     """The operations of `function`; placeholders and results in the order of its flat lists.
 
-    Raises `Untraceable`.
+    Raises `Untraceable`; within `told` it names the source line.
     """
-    # A result that is a view of an intermediate would come back as a raw `as_strided`.
-    return _traced(lambda *given: tuple(found.clone() for found in function(given)), examples)
+
+    def cloned(*given: Tensor) -> tuple[Tensor, ...]:
+        # A result that is a view of an intermediate would come back as a raw `as_strided`.
+        return tuple(found.clone() for found in function(given))
+
+    made = _traced(cloned, examples)
+    _check_captured(made, cloned, examples)
+    return made
+
+
+def _check_captured(
+    made: GraphModule, function: Callable[..., Any], examples: Sequence[Tensor]
+) -> None:
+    """Raise `Untraceable` if a trace holds a tensor that was there before it.
+
+    One that the function makes lies elsewhere when it is traced again.
+    """
+    held = [
+        node
+        for node in made.graph.nodes
+        if node.op == "get_attr"
+        and any("lift_fresh" not in str(user.target) for user in node.users)
+    ]
+    if not held:
+        return
+    again = _traced(function, examples)
+    known = {
+        attribute_of(again, str(node.target)).data_ptr()
+        for node in again.graph.nodes
+        if node.op == "get_attr"
+    }
+    for node in held:
+        tensor = attribute_of(made, str(node.target))
+        if tensor.numel() and tensor.data_ptr() in known:
+            raise Untraceable(
+                "a tensor that is neither parameter nor buffer would keep the numbers it has now"
+                + source_of(next(iter(node.users)))
+            )
 
 
 def trace_vjp(
@@ -98,25 +233,43 @@ def trace_vjp(
             return tuple(found[i] for i in outputs)
 
         _, pull = torch.func.vjp(forward, *(inputs[i] for i in wanted))
-        return pull(tuple(gradients))
+        with torch.no_grad():  # nobody differentiates the gradient: torch has shorter formulas
+            return pull(tuple(gradients))
 
     return _traced(back, [*examples, *seeds])
 
 
 def _traced(function: Callable[..., Any], examples: Sequence[Tensor]) -> GraphModule:
-    from torch.fx.experimental.proxy_tensor import make_fx
-
-    pure = torch.func.functionalize(function, remove="mutations")
     try:
-        with _LOCK, torch.random.fork_rng(devices=[]), torch.inference_mode(False):
-            made = make_fx(
-                pure, _decompositions(), tracing_mode="fake", _allow_non_fake_inputs=True, record_stack_traces=True
-            )(*(example.detach() for example in examples))
+        with _LOCK, torch.random.fork_rng(devices=[]), torch.inference_mode(False), Choosing():
+            made = _pure(function, examples)
+            if any(map(_changes_operand, made.graph.nodes)):
+                # Left by what torch itself is made of, below functionalisation.
+                with torch.fx.traceback.preserve_node_meta():
+                    made = _pure(torch.fx.Interpreter(made).run, examples)
     except Untraceable:
         raise
     except Exception as error:  # of many kinds, few of them documented
         raise Untraceable(_explained(error)) from error
     return made
+
+
+def _pure(function: Callable[..., Any], examples: Sequence[Tensor]) -> GraphModule:
+    """One trace, without operations in place on what the function is given or makes itself."""
+    from torch.fx.experimental.proxy_tensor import make_fx
+
+    return make_fx(
+        torch.func.functionalize(function, remove="mutations"),
+        _decompositions(),
+        tracing_mode="fake",
+        _allow_non_fake_inputs=True,
+        record_stack_traces=_SOURCES.get(),
+    )(*(example.detach() for example in examples))
+
+
+def _changes_operand(node: Node) -> bool:
+    schema = getattr(node.target, "_schema", None)
+    return schema is not None and schema.is_mutable
 
 
 def _explained(error: Exception) -> str:
@@ -193,6 +346,4 @@ def with_tensors(module: torch.nn.Module, tensors: Mapping[str, Tensor]) -> Iter
 
 def transformed() -> bool:
     """Whether torch.func or forward-mode differentiation is at work."""
-    return bool(
-        torch._C._are_functorch_transforms_active() or forward_ad._current_level >= 0
-    )
+    return bool(torch._C._are_functorch_transforms_active() or forward_ad._current_level >= 0)

@@ -53,9 +53,7 @@ def is_pointwise(x: Node) -> bool:
 
 
 def _through(inner: IndexMap, outer: Sequence[IndexMap], shape: Shape) -> IndexMap:
-    offset = inner.offset + sum(
-        s * m.offset for s, m in zip(inner.steps, outer, strict=True)
-    )
+    offset = inner.offset + sum(s * m.offset for s, m in zip(inner.steps, outer, strict=True))
     steps = tuple(
         sum(s * m.steps[i] for s, m in zip(inner.steps, outer, strict=True))
         for i in range(len(shape))
@@ -301,5 +299,3 @@ def _split_maps(old: Shape, new: Shape) -> list[IndexMap] | None:
             step *= new[i]
         maps[d] = IndexMap(0, tuple(steps))
     return maps
-
-

@@ -5,10 +5,10 @@ loops have a fused form. Nothing here is needed for the torch engine, nor is War
 a kernel is.
 """
 
+from ..compiled import missing
 from .autograd import Kept, march
 from .form import Form, form_of, unfused_part
 from .job import LEAVES, Grid, Inputs, Job
-from .warp_setup import missing
 
 __all__ = [
     "LEAVES",

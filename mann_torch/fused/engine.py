@@ -2,42 +2,25 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import wait
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from itertools import pairwise
 from typing import Any
 
 import torch
 from torch import Tensor
 
+from ..compiled.engine import pool, torch_on_one_thread
 from .form import N_EVENT
 from .job import AS_THEY_ARE, CARRIED, KEPT, MOTION, PARAMETERS, Inputs, Job
-from .kernels import Launch, kernel, pool
+from .kernels import Launch, kernel
 
 #: Steps times samples of one launch on a core: about half a second, so that progress shows and
 #: Ctrl-C is heard. With a tape, a launch is a segment.
 LAUNCH_WORK = 300_000
 #: Warp counts the bytes from row to row in 32 bits.
 INT32 = 2**31 - 1
-
-
-@contextmanager
-def _torch_on_one_thread() -> Iterator[None]:
-    """Torch's own idle threads spin for a while after each operation, on the kernel's cores.
-
-    Only in the main thread: another one would pass the setting on to threads started meanwhile.
-    """
-    before = torch.get_num_threads()
-    alone = threading.current_thread() is threading.main_thread()
-    if alone:
-        torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        if alone:
-            torch.set_num_threads(before)
 
 
 class Marcher:
@@ -95,7 +78,7 @@ class Marcher:
     def _make_tape(self) -> None:
         self._tape = {name: self._rows(self._ring, value) for name, value in self._start.items()}
 
-    @_torch_on_one_thread()
+    @torch_on_one_thread()
     def forward(self) -> list[dict[str, Tensor]]:
         """Run all steps. Returns what each segment started from; nothing where there is one."""
         self._make_tape()
@@ -176,7 +159,7 @@ class Marcher:
                     progress(end - begin)
         self._row = (last - first) % self._ring
 
-    @_torch_on_one_thread()
+    @torch_on_one_thread()
     def gradient(
         self, starts: list[dict[str, Tensor]], outputs: Mapping[str, Tensor | None]
     ) -> dict[str, Tensor]:

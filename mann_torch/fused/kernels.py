@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from torch import Tensor
 
+from ..compiled.host import LOCK
 from ..errors import KernelError
 from .form import Form
-from .warp_setup import LOCK
 
 
 def kernel(form: Form, gamma: float, backward: bool, device: str) -> Any:
@@ -40,12 +39,6 @@ def _build(form: Form, gamma: float, backward: bool, device: str) -> Any:
         cause = str(error).strip().splitlines() or ["no message"]
         return KernelError(f"the fused kernel cannot be built on {device}: {cause[0]}")
     return made
-
-
-@functools.cache
-def pool(size: int) -> ThreadPoolExecutor:
-    """Threads that run launches side by side: Warp's CPU launches use one core and no GIL."""
-    return ThreadPoolExecutor(size, thread_name_prefix="fused")
 
 
 class Launch:

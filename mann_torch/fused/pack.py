@@ -87,9 +87,7 @@ def pack_mode(mode: MemoryMode | None, hybrid: bool = False) -> tuple[Tensor | N
     return active, counts.to(torch.int32).reshape(-1, len(columns))
 
 
-def unpack_mode(
-    active: Tensor | None, counts: Tensor | None, shape: Any
-) -> MemoryMode | None:
+def unpack_mode(active: Tensor | None, counts: Tensor | None, shape: Any) -> MemoryMode | None:
     """The mode again, with leading dimensions `shape`."""
     if active is None or counts is None:
         return None

@@ -13,10 +13,18 @@ from torch import Tensor
 from ..compiled import Job, Marched, Program, Untraceable, march, missing, transformed
 from ..compiled.agreement import check_agreement
 from ..compiled.fingerprint import Fingerprint
+from ..signals import Reference
 from ..trees import leaves, map_tensors, rebuilt
 from ..types import LoopState
 from .closed_loop import ClosedLoop
-from .loop_step import LoopStep, Part, as_rows, loop_parts, reference_parts
+from .loop_step import (
+    LoopStep,
+    Part,
+    as_rows,
+    loop_parts,
+    reference_parts,
+    single_reference,
+)
 from .scenario import Scenario
 from .solver import Solver
 from .step_grid import MERGE, counted_in, shares_of
@@ -53,12 +61,13 @@ class _Rows(NamedTuple):
 
 def run(task: Task) -> Record:
     """March the task. Raises `Untraceable`, with what stands in the way, or `KernelError`."""
-    loop_side, reference_side = loop_parts(task), reference_parts(task)
+    reference = single_reference(task)
+    loop_side, reference_side = loop_parts(task), reference_parts(task, reference)
     coefficients, template = _coefficients(task)
     names = [part.name for part in loop_side], [part.name for part in reference_side]
-    step = LoopStep(task, template, *names)
+    step = LoopStep(task, reference, template, *names)
     rows = _rows(task, step, [*loop_side, *reference_side], coefficients)
-    program = _program(task, step, rows)
+    program = _program(task, reference, step, rows)
     constants = [rows.constants[i] for i in program.used]
     floating = [c.is_floating_point() for c in constants]
     # A gradient mode that is off, or a tensor that asks for none, costs nothing.
@@ -160,13 +169,13 @@ def _batched(leaf: Tensor, batch: torch.Size) -> Tensor:
     return leaf.reshape((batch.numel(), *leaf.shape[depth:]))
 
 
-def _program(task: Task, step: LoopStep, rows: _Rows) -> Program:
+def _program(task: Task, reference: Reference, step: LoopStep, rows: _Rows) -> Program:
     """The program of this step, made and compared with eager torch once a process."""
     one = [c[0].detach() for c in rows.constants]
     segment = [s[0, 0].detach() for s in rows.segments]
     layout = step.layout(one, segment)
     prints = Fingerprint()
-    parts = (task.loop, task.solver, task.reference)
+    parts = (task.loop, task.solver, reference)
     form = [type(x).__name__ for x in (task.state, task.mode)]
     key = (
         tuple(prints.of(part) for part in parts), layout, task.noise is None,

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from ..compiled import Layout, Leaf, frozen, with_tensors
 from ..constraints import DesignModule
-from ..signals import scaled
+from ..signals import Reference, scaled
 from ..trees import Packer, leaves, map_tensors, rebuilt
 from ..types import LoopState, Mode
 from .flat_flow import flat_rates
@@ -72,12 +72,21 @@ def loop_parts(task: Task) -> list[Part]:
     return [Part(n, as_rows(value, task.batch, dims[n])) for n, value in held.items()]
 
 
-def reference_parts(task: Task) -> list[Part]:
+def single_reference(task: Task) -> Reference:
+    """The reference as one sample has it, or, where samples differ, the batch's."""
+    given = task.scenario.reference
+    return task.reference if given.batch_shape else given.expand(())
+
+
+def reference_parts(task: Task, single: Reference) -> list[Part]:
     """All tensors that the reference holds: those that grow with the batch are a sample's own."""
-    batch = task.batch
-    wider = held_tensors(task.scenario.reference.expand((1, *batch)))
+    batch, given = task.batch, task.scenario.reference
+    held = held_tensors(single)
+    if not given.batch_shape:
+        return [Part(name, as_rows(value, batch, None)) for name, value in held.items()]
+    wider = held_tensors(given.expand((1, *batch)))
     parts = []
-    for name, value in held_tensors(task.reference).items():
+    for name, value in held.items():
         own = wider[name].dim() == value.dim() + 1
         parts.append(Part(name, as_rows(value, batch, value.dim() - len(batch) if own else None)))
     return parts
@@ -90,9 +99,15 @@ class LoopStep:
     squared torque rates, the peaks and the last torque; the rest of the state; the mode.
     """
 
-    def __init__(self, task: Task, coefficients: Any, loop_names: Sequence[str],
-                 reference_names: Sequence[str]) -> None:
-        self._loop, self._reference = frozen(task.loop), frozen(task.reference)
+    def __init__(
+        self,
+        task: Task,
+        reference: Reference,
+        coefficients: Any,
+        loop_names: Sequence[str],
+        reference_names: Sequence[str],
+    ) -> None:
+        self._loop, self._reference = frozen(task.loop), frozen(reference)
         self._solver = copy.copy(task.solver)
         depth = len(task.batch)
 

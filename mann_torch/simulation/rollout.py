@@ -9,12 +9,12 @@ from collections.abc import Callable, Sequence
 
 import torch
 
+from ..compiled import Untraceable
 from ..errors import ConfigError, KernelError, ShapeError
 from ..functional import Numbers, as_float64
 from ..memory import relaxed
 from ..trees import leaf_names
 from ..types import NetworkState
-from ..compiled import Untraceable
 from . import compiled_engine, fused_engine, torch_engine
 from .closed_loop import ClosedLoop
 from .gradients import check_gradient, locates_events
@@ -143,7 +143,9 @@ def rollout(
         obstacle = "an empty batch"
     if obstacle is None:
         try:
-            return _trajectory(task, fused_engine.run(task) if task.hybrid else compiled_engine.run(task))
+            return _trajectory(
+                task, fused_engine.run(task) if task.hybrid else compiled_engine.run(task)
+            )
         except (KernelError, Untraceable) as error:
             obstacle = str(error)
             if engine == "fused" or device != "cpu":

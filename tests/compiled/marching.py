@@ -125,7 +125,7 @@ class Together:
         found, layout = [], self.program.layout
         for result, (array, offset) in zip(self.results, layout.carry_places, strict=False):
             row = rows[array != "f"][:, offset : offset + result.numel()]
-            value = row.reshape(-1, *result.shape)
+            value = row.reshape(len(row), *result.shape)
             found.append(value != 0 if result.dtype == torch.bool else value)
         return found
 

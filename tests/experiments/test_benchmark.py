@@ -1,38 +1,54 @@
 """The benchmark's lines, verdicts and page; its timings are no test's business."""
 
 import importlib.util
+from typing import Any
 
+import numpy as np
 import pytest
+import torch
 
-from experiments.benchmark import _measured, _table, verdicts
-from experiments.benchmark_row import Line, measure
+import mann_torch as mt
+from experiments import benchmark_lines, benchmark_parts, benchmark_start, benchmark_versus
+from experiments.benchmark import SECTIONS, page, sections_of
+from experiments.benchmark_curves import linearity
+from experiments.benchmark_lines import measured, table, verdicts
+from experiments.benchmark_measure import Section, Times, in_turns, peak_mb, ratio_of
+from experiments.benchmark_n_link import NLinkArm, NLinkParameters
+from experiments.benchmark_row import PAPER, Line, measure
 
 
-@pytest.mark.parametrize("engine", ["fused", "eager"])
-def test_a_line_reaches_the_same_figure_on_both_engines(engine: str) -> None:
-    result = measure(Line(engine, 2, 0.2, 0.1))
-    assert result["srmse"] == pytest.approx(measure(Line("fused", 1, 0.2, 0.0))["srmse"], rel=1e-9)
-    assert result["both_over_forward"] > 1 and result["peak_mb"] > 0
+def columns(text: str) -> set[int]:
+    return {line.count("|") for line in text.splitlines() if line.startswith("|")}
+
+
+@pytest.mark.parametrize(
+    ("engine", "loop"), [("eager", "soft"), ("compiled", PAPER), ("hand-written", PAPER)]
+)
+def test_a_line_reaches_the_same_figure_on_every_engine(engine: str, loop: str) -> None:
+    result = measure(Line(engine, 2, 0.2, 0.1, 1, loop))
+    other = measure(Line("compiled", 1, 0.2, 0.0, 1, loop))
+    assert result["srmse"] == pytest.approx(other["srmse"], rel=1e-9)
+    assert result["both_over_forward"] > 0 and result["peak_mb"] > 0
 
 
 @pytest.mark.skipif(importlib.util.find_spec("jax") is None, reason="jax is not installed")
 def test_the_peer_in_jax_computes_the_same() -> None:
-    found = measure(Line("jax scan", 1, 0.2, 0.1))
-    assert found["srmse"] == pytest.approx(measure(Line("fused", 1, 0.2, 0.0))["srmse"], rel=1e-9)
+    found, other = (measure(Line(e, 1, 0.2, 0.1)) for e in ("jax scan", "compiled"))
+    assert found["srmse"] == pytest.approx(other["srmse"], rel=1e-9)
 
 
 def made_up(engine: str, batch: int, **changes: object) -> dict:
-    base = {"engine": engine, "batch": batch, "forward": 330.0, "gradient": 330.0}
-    base |= {"forward_s": 1e-3, "both_s": 5e-3, "both_over_forward": 5.0, "compile_s": 1.0}
+    base = {"engine": engine, "batch": batch, "forward": 330.0, "gradient": 330.0, "loop": "soft"}
+    base |= {"forward_s": 1e-3, "both_s": 5e-3, "both_over_forward": 4.0, "compile_s": 1.0}
     return base | {"peak_mb": 900.0, "srmse": [9e-3, 4e-3], "off": 0.1} | changes
 
 
 def test_verdicts_follow_the_numbers() -> None:
-    good = [made_up("fused", 1), made_up("fused", 64), made_up("dopri5", 1, forward_s=2.0)]
-    assert len(verdicts(good)) == 5 and all(held for _, _, held in verdicts(good))
+    good = [made_up("compiled", 1), made_up("compiled", 64), made_up("dopri5", 1, forward_s=2.0)]
+    good.append(made_up("hand-written", 64, loop=PAPER, off=0.7, peak_mb=9e3))
+    assert len(verdicts(good)) == 3 and all(held for _, _, held in verdicts(good))
     for line, change in (
-        (0, {"both_over_forward": 8.5}),
-        (1, {"peak_mb": 2100.0}),
+        (1, {"peak_mb": 1100.0}),
         (1, {"off": 0.6}),
         (2, {"forward_s": 0.9}),
     ):
@@ -43,7 +59,110 @@ def test_verdicts_follow_the_numbers() -> None:
 
 def test_what_is_not_installed_is_a_line_that_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    rows = [made_up("fused", 1), _measured(Line("jax scan", 1, 330.0, 10.0))]
-    table = _table(rows)
-    assert "jax is not installed" in table and len(table.splitlines()) == 4
-    assert len({line.count("|") for line in table.splitlines()}) == 1
+    monkeypatch.setattr(benchmark_lines, "LINES", (Line("jax scan", 1, 330.0, 10.0),))
+    missing = measured(Line("jax scan", 1, 330.0, 10.0))
+    lines = table([made_up("compiled", 1), made_up("eager", 8), missing])
+    assert "not measured" in lines and "nan" not in lines and len(columns(lines)) == 1
+    text = benchmark_lines.section(["jax scan"]).text
+    assert "not measured, jax scan, B = 1: jax is not installed" in text
+
+
+def test_engines_take_turns() -> None:
+    order: list[str] = []
+    sides = {name: (lambda name=name: order.append(name), 10) for name in "ab"}
+    found = in_turns(sides, 3)
+    assert "".join(order) == "abbaab" and all(len(t.each) == 3 for t in found.values())
+    assert ratio_of(Times((4.0, 6.0, 50.0)), Times((2.0, 2.0, 1.0))) == (3.0, "3.00 (4.00)")
+    assert 10 < peak_mb() < 1e5
+
+
+def test_compiled_and_hand_written_are_compared() -> None:
+    case = benchmark_versus.Case(1, 1, 0.2, rounds=1)
+    result = benchmark_versus.compare(case)
+    assert result["apart"] < 1e-9 and all(len(each) == 1 for each in result["us"].values())
+    broken = {**result, "missing": "no kernel"}
+    head, forward, both, last = benchmark_versus.rows([result, broken], lanes=8)
+    assert len(head) == len(forward) == len(both) == len(last)
+    assert forward[7] == "1.3" and both[7] == "1.4" and both[10] == "4.5"
+
+
+def test_less_is_asked_of_narrower_machines() -> None:
+    least = benchmark_versus.least_ratio
+    assert least(64, 1, False, 8) == 4.0 and least(64, 1, False, 4) == 3.0
+    assert least(1024, 2, False, 8) == 3.5 and least(1024, 2, True, 8) == 4.0
+
+
+@pytest.mark.parametrize("part", ["arm of 3 links", "KNearestAttention"])
+def test_parts_of_ones_own_run_compiled(part: str) -> None:
+    result = benchmark_parts.compare(benchmark_parts.Case(part, 2, 0.02, 0.2, rounds=1))
+    assert result["apart"] < 1e-12 and result["gradient_apart"] < 1e-9
+    lines = benchmark_parts.rows([{**result, "batch": 1}, {**result, "missing": "", "batch": 1}])
+    assert {len(line) for line in lines} == {len(lines[0])} and len(lines) == 4
+
+
+def test_the_first_rollout_is_timed(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert benchmark_start.first(1, False)["second"] > 0
+    asked: list[Any] = []
+
+    def process(module: str, given: object, **environment: str) -> dict[str, float]:
+        asked.append((module, given, environment["WARP_CACHE_PATH"]))
+        return {"first": 2.0}
+
+    monkeypatch.setattr(benchmark_start, "in_process", process)
+    result = benchmark_start.measure(1, True, rounds=2)
+    assert [a[:2] for a in asked] == [("benchmark_start", [1, True])] * 4
+    assert asked[0][2] == asked[1][2] != asked[2][2]
+    lines = benchmark_start.rows([result])
+    assert lines[1][2:5] == ["2.00 s (2.00 s)", "6 s", "ok"] and lines[1][7] == "NOT MET"
+
+
+def test_cost_is_linear_where_it_is() -> None:
+    share = np.outer([1.0, 8.0, 64.0, 512.0], [1.0, 2.0, 4.0, 8.0])
+    assert all(held for _, _, held in linearity(share))
+    assert not any(held for _, _, held in linearity(share**1.2))
+
+
+def test_sections_not_measured_stay_and_say_how_they_were_made() -> None:
+    first = page({name: Section(f"{name} 1", 0) for name in SECTIONS}, "", "Made by `a`: here.")
+    assert first.count("Made by") == 1 and len(sections_of(first)) == len(SECTIONS)
+    second = page({"parts": Section("parts 2", 0)}, first, "Made by `b`: there.")
+    assert "parts 2" in second and "parts 1" not in second and "versus 1" in second
+    assert second.count("Made by `a`: here.") == len(SECTIONS) - 1
+    third = page({"start": Section("start 3", 0)}, second, "Made by `c`: there.")
+    assert third.count("Made by `a`: here.") == len(SECTIONS) - 2
+    assert third.count("Made by `b`: there.") == third.count("Made by `c`: there.") == 1
+
+
+def arm(n: int) -> tuple[NLinkArm, NLinkParameters, torch.Tensor, torch.Tensor]:
+    draw = torch.Generator().manual_seed(n)
+    masses, lengths, q, qd = torch.rand(4, 7, n, generator=draw, dtype=torch.float64) + 0.3
+    return NLinkArm(n), NLinkParameters(masses, lengths), 6.0 * q, qd
+
+
+def test_two_of_the_n_links_are_the_papers_arm() -> None:
+    mine, parameters, q, qd = arm(2)
+    other = mt.TwoLinkArm()
+    c, d = (
+        mine.coefficients(parameters),
+        other.coefficients(mt.arm_parameters(parameters.masses, parameters.lengths)),
+    )
+    for one, two in (
+        (mine.mass_matrix(q, c), other.mass_matrix(q, d)),
+        (mine.coriolis(q, qd, c), other.coriolis(q, qd, d)),
+        (mine.load(q, qd, c), other.load(q, qd, d)),
+        (mine.energy(mt.PlantState(q, qd), c), other.energy(mt.PlantState(q, qd), d)),
+    ):
+        torch.testing.assert_close(one, two, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("n", [3, 5])
+def test_n_links_keep_their_energy(n: int) -> None:
+    plant, parameters, q, qd = arm(n)
+    c = plant.coefficients(parameters)
+    _, rate = torch.func.jvp(lambda q: plant.mass_matrix(q, c), (q,), (qd,))
+    skew = rate - 2.0 * plant.coriolis(q, qd, c)
+    torch.testing.assert_close(skew, -skew.mT, rtol=0.0, atol=1e-12)
+    at_rest = torch.zeros_like(qd)
+    slope = torch.func.grad(lambda q: plant.energy(mt.PlantState(q, at_rest), c).sum())(q)
+    torch.testing.assert_close(plant.load(q, qd, c), slope, rtol=1e-12, atol=1e-12)
+    assert bool((torch.linalg.eigvalsh(plant.mass_matrix(q, c)) > 0).all())

@@ -121,7 +121,7 @@ def test_equal_to_central_differences_over_330_s(controller: str) -> None:
     with torch.no_grad():
         ends = loss().reshape(-1, 4)
     near, far = (ends[:, 0] - ends[:, 1]) / 2, (ends[:, 2] - ends[:, 3]) / 4
-    torch.testing.assert_close(slopes, (4 * near - far) / (3 * h), rtol=1e-5, atol=0)
+    torch.testing.assert_close(slopes, (4 * near - far) / (3 * h), rtol=1e-6, atol=0)
 
 
 @pytest.mark.parametrize("name", ["hard", "relaxed_always_state_keys"])

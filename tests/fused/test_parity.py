@@ -84,17 +84,17 @@ QUICK = (
 )
 def test_one_step_from_anywhere(name: str, reset: str) -> None:
     solver = mt.Implicit()
-    assert_same(both(case(name, solver.dt, batch=20, reset=reset), solver), 1e-12)
+    assert_same(both(case(name, solver.dt, batch=20, reset=reset), solver), 1e-14)
 
 
 @pytest.mark.parametrize(
     "name",
     [n if (n, "scaled") in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in NAMES],
 )
-def test_half_a_second_with_mass_jumps_friction_and_resets(name: str) -> None:
+def test_a_hundred_steps_with_mass_jumps_friction_and_resets(name: str) -> None:
     solver = mt.Implicit(follow_reference=name != "soft")
-    runs = both(case(name, 0.5), solver, sample_dt=0.02)
-    assert_same(runs, 1e-9)
+    runs = both(case(name, 0.4), solver, sample_dt=0.02)
+    assert_same(runs, 1e-13)
     if resets(name):
         assert (mt.reallocations(runs[0]) > 0).all()
 
@@ -110,7 +110,7 @@ def configured(*overrides: str, **changes: object) -> Experiment:
 def test_one_step_of_every_scenario(controller: str, scenario: str) -> None:
     made = configured(f"controller={controller}", f"scenario='{scenario}'", horizon=4e-3)
     network = NetworkState(*(leaf + 0.2 * randn(*leaf.shape) for leaf in made.network))
-    assert_same(both(dataclasses.replace(made, network=network)), 1e-12)
+    assert_same(both(dataclasses.replace(made, network=network)), 1e-14)
 
 
 @pytest.mark.slow
@@ -127,7 +127,7 @@ def test_330_s_of_a_smooth_controller(controller: str) -> None:
     runs = both(configured(f"controller={controller}"), motion_dt=0.05, sample_until=0.0)
     worst = float((mt.srmse(runs[1]) / mt.srmse(runs[0]) - 1).abs().max())
     print(f"{controller}, 330 s: SRMSE differs by {worst:.1e}")
-    assert worst <= 1e-6
+    assert worst <= 1e-9
 
 
 @pytest.mark.slow

@@ -31,9 +31,11 @@ TEXT: dict[str, str] = {
     "not": "(~{0})",
 }
 for _name in _SAME.split():
-    TEXT[_name] = f"{_name}_({{0}}, {{1}})" if _name in (
-        "atan2", "pow", "fmod", "remainder", "max", "min", "copysign", "hypot"
-    ) else f"{_name}_({{0}})"
+    TEXT[_name] = (
+        f"{_name}_({{0}}, {{1}})"
+        if _name in ("atan2", "pow", "fmod", "remainder", "max", "min", "copysign", "hypot")
+        else f"{_name}_({{0}})"
+    )
 for _name in _AS_THEY_ARE.split():
     TEXT[_name] = f"{_name}({{0}}, {{1}})"
 

@@ -65,9 +65,7 @@ def backward_text(
 
 
 _RESULTS = "V* __restrict__ f_out, M* __restrict__ k_out"
-_GRADIENTS = (
-    "V* __restrict__ adj_out, V* __restrict__ g_constant, V* __restrict__ g_segment"
-)
+_GRADIENTS = "V* __restrict__ adj_out, V* __restrict__ g_constant, V* __restrict__ g_segment"
 
 
 def _common_room(layout: Layout) -> int:

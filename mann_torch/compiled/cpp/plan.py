@@ -12,8 +12,23 @@ from ..graph import IndexMap, Node, Shape, identity_maps, reachable, strides_of
 #: Read where they are needed, without a buffer of their own.
 _FREE = ("input", "full", "iota", "table", "view", "reshape")
 #: Operations that read an operand again and again.
-_GREEDY = ("gather", "scatter", "scatter_add", "order", "cumsum", "cumprod", "lu", "lu_rows",
-           "lu_sign", "lu_solve", "reshape")
+_GREEDY = (
+    "gather",
+    "scatter",
+    "scatter_add",
+    "order",
+    "cumsum",
+    "cumprod",
+    "lu",
+    "lu_rows",
+    "lu_sign",
+    "lu_solve",
+    "cholesky",
+    "triangular",
+    "cummax",
+    "cummin",
+    "reshape",
+)
 #: Operations over the elements of their result, which can share a loop with others.
 _LOOPS = ("sum", "prod", "amax", "amin", "any", "all", "argmax", "argmin")
 #: No more statements than this in one loop.

@@ -63,9 +63,7 @@ def _flat(shape: tuple[int, ...], names: list[str], maps: list[IndexMap], width:
     return f"({index_text(offset, steps, names, 0)}) * {width}"
 
 
-def _element(
-    w: Writer, x: Node, names: list[str], maps: list[IndexMap], *last: str
-) -> str:
+def _element(w: Writer, x: Node, names: list[str], maps: list[IndexMap], *last: str) -> str:
     """An element of x: leading indices as given, then loop variables."""
     count = len(last)
     outer = [IndexMap(m.offset, m.steps + (0,) * count) for m in maps]
@@ -225,6 +223,68 @@ def _lu_solve(w: Writer, node: Node) -> None:
         w.close()
 
 
+def _cholesky(w: Writer, node: Node) -> None:
+    """Row by row, each from the rows above; of the matrix only the lower triangle is read."""
+    (A,) = node.args
+    n = node.shape[-1]
+    home = _home(w, node)
+    names, maps = w.loop_over(node.shape[:-2])
+    row = _flat(node.shape[:-2], names, maps, n * n)
+    w.put(f"{{ {_type('f')}* const L = &{_at(home, row)};")
+    w.put(f"for (int i = 0; i < {n}; ++i) for (int j = 0; j < {n}; ++j) {{")
+    w.put(f"if (j > i) {{ L[i * {n} + j] = splat(0.0); continue; }}")
+    w.put(f"V s = {_element(w, A, names, maps, 'i', 'j')};")
+    w.put(f"for (int k = 0; k < j; ++k) s = fma(-L[i * {n} + k], L[j * {n} + k], s);")
+    w.put(f"L[i * {n} + j] = j == i ? sqrt_(s) : s / L[j * {n} + j];")
+    w.put("} }")
+    for _ in names:
+        w.close()
+
+
+def _triangular(w: Writer, node: Node) -> None:
+    """Substitution, from the first row on or from the last."""
+    A, B = node.args
+    upper, unit = node.attributes
+    n, k = node.shape[-2:]
+    home = _home(w, node)
+    names, maps = w.loop_over(node.shape[:-2])
+    row = _flat(node.shape[:-2], names, maps, n * k)
+    w.put(f"{{ V* const X = &{_at(home, row)};")
+    w.put(f"for (int t = 0; t < {n}; ++t) for (int c = 0; c < {k}; ++c) {{")
+    w.put(f"const int i = {f'{n - 1} - t' if upper else 't'};")
+    w.put(f"V s = {_element(w, B, names, maps, 'i', 'c')};")
+    w.put(f"for (int j = {f'i + 1; j < {n}' if upper else '0; j < i'}; ++j)")
+    w.put(f"  s = fma(-{_element(w, A, names, maps, 'i', 'j')}, X[j * {k} + c], s);")
+    w.put(f"X[i * {k} + c] = {'s' if unit else 's / ' + _element(w, A, names, maps, 'i', 'i')};")
+    w.put("} }")
+    for _ in names:
+        w.close()
+
+
+def _running(w: Writer, node: Node) -> None:
+    """Where the extreme so far is: the last of equals, the first NaN."""
+    (x,) = node.args
+    lead, count = _rows(node)
+    home = _home(w, node)
+    names, maps = w.loop_over(lead)
+    row = _flat(lead, names, maps, count)
+    zero = "isplat(0)"
+    w.put(f"{{ {_type(x.kind)} best = {_element(w, x, names, maps, '0')}; M at = {zero};")
+    w.open("j", count)
+    w.put(f"{_type(x.kind)} here = {_element(w, x, names, maps, 'j')};")
+    test = "ge" if node.op == "cummax" else "le"
+    if x.kind == "f":
+        w.put(f"M take = ({test}(here, best) | (ne(here, here) & eq(best, best)));")
+    else:
+        w.put(f"M take = i{test}(here, best);")
+    w.put(f"best = {_choose(x.kind)}(take, here, best); at = isel(take, isplat(j), at);")
+    w.put(f"{_at(home, f'{row} + j')} = at;")
+    w.close()
+    w.put("}")
+    for _ in names:
+        w.close()
+
+
 #: Operation -> what writes it.
 SPECIAL: dict[str, Callable[[Any, Node], None]] = {
     "cat": _cat,
@@ -238,4 +298,8 @@ SPECIAL: dict[str, Callable[[Any, Node], None]] = {
     "lu_rows": _lu_part,
     "lu_sign": _lu_part,
     "lu_solve": _lu_solve,
+    "cholesky": _cholesky,
+    "triangular": _triangular,
+    "cummax": _running,
+    "cummin": _running,
 }

@@ -74,9 +74,7 @@ class Writer:
         names = [f"{prefix}{d}" for d in moving]
         for d, name in zip(moving, names, strict=True):
             self.open(name, shape[d])
-        maps = [
-            IndexMap(0, tuple(int(d == m) for m in moving)) for d in range(len(shape))
-        ]
+        maps = [IndexMap(0, tuple(int(d == m) for m in moving)) for d in range(len(shape))]
         return names, maps
 
     def _group(self, group: Group) -> None:
@@ -104,7 +102,9 @@ class Writer:
             self._names[node.number] = name
             if node.number not in self.plan.passing:
                 array, offset = self.plan.homes[node.number]
-                self.put(f"{array}[{index_text(*linear(maps, node.shape), names, offset)}] = {name};")
+                self.put(
+                    f"{array}[{index_text(*linear(maps, node.shape), names, offset)}] = {name};"
+                )
         for _ in names:
             self.close()
         self._names = {}
@@ -124,9 +124,7 @@ class Writer:
 
     # -- values -------------------------------------------------------------------------------
 
-    def _value(
-        self, node: Node, name: str, names: Sequence[str], maps: Sequence[IndexMap]
-    ) -> None:
+    def _value(self, node: Node, name: str, names: Sequence[str], maps: Sequence[IndexMap]) -> None:
         """Compute one element of a node into a variable."""
         if node.op in POINTWISE:
             self.put(f"{name} = {self._expression(node, names, maps)};")
@@ -337,4 +335,3 @@ def index_text(offset: int, steps: Sequence[int], names: Sequence[str], base: in
     if offset + base or not parts:
         parts.append(str(offset + base))
     return " + ".join(parts)
-

@@ -1,6 +1,16 @@
 """From torch operations to the compiler's nodes: one function an operation, by its name."""
 
-from . import indexing, linear, pointwise, reductions, shapes
+from . import creation, indexing, linear, ordering, pointwise, reductions, rounding, shapes
 from .lower import lower
 
-__all__ = ["indexing", "linear", "lower", "pointwise", "reductions", "shapes"]
+__all__ = [
+    "creation",
+    "indexing",
+    "linear",
+    "lower",
+    "ordering",
+    "pointwise",
+    "reductions",
+    "rounding",
+    "shapes",
+]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..arithmetic import broadcast, pointwise
-from ..graph import Graph, Node
+from ..graph import Graph, Node, Shape
 from ..tracing import Untraceable
-from ..views import expand, narrow, permute, reshape
+from ..views import cat, expand, narrow, permute, reshape
 from .registry import as_kind, lowers
+from .shapes import turned
 
 
 @lowers("gather.default")
@@ -22,23 +23,27 @@ def gather(g: Graph, kind: str, x: Node, dim: int, index: Node, **_: Any) -> Nod
     for d, size in enumerate(index.shape):
         if d != dim:
             x = narrow(g, x, d, 0, size)
-    order = [d for d in range(len(x.shape)) if d != dim] + [dim]
-    back = [order.index(d) for d in range(len(order))]
-    turned = permute(g, x, order), permute(g, index, order)
-    return permute(g, g.node("gather", turned, turned[1].shape, x.kind), back)
+    row, back = turned(g, x, dim)
+    at, _ = turned(g, index, dim)
+    return permute(g, g.node("gather", (row, at), at.shape, x.kind), back)
 
 
 def scattered(g: Graph, op: str, x: Node, dim: int, index: Node, new: Node) -> Node:
     """x with `new` put at, or added to, the places that the index says."""
-    dim %= max(len(x.shape), 1)
-    order = [d for d in range(len(x.shape)) if d != dim] + [dim]
-    back = [order.index(d) for d in range(len(order))]
-    if any(x.shape[d] != index.shape[d] for d in range(len(x.shape)) if d != dim):
-        raise Untraceable("a scatter whose index is smaller than its target")
+    if not x.shape:
+        x, index, new = (reshape(g, part, (1,)) for part in (x, index, new))
+        return reshape(g, scattered(g, op, x, 0, index, new), ())
+    dim %= len(x.shape)
     for d, size in enumerate(index.shape):
         new = narrow(g, new, d, 0, size)
-    turned = [permute(g, part, order) for part in (x, index, new)]
-    return permute(g, g.node(op, turned, turned[0].shape, x.kind), back)
+        if d != dim and size < x.shape[d]:
+            first = narrow(g, x, d, 0, size)
+            rest = narrow(g, x, d, size, x.shape[d] - size)
+            return cat(g, [scattered(g, op, first, dim, index, new), rest], d)
+    row, back = turned(g, x, dim)
+    at, _ = turned(g, index, dim)
+    put, _ = turned(g, new, dim)
+    return permute(g, g.node(op, (row, at, put), row.shape, x.kind), back)
 
 
 @lowers("scatter_add.default")
@@ -49,19 +54,46 @@ def _scatter_add(g: Graph, kind: str, x: Node, dim: int, index: Node, new: Node)
 @lowers("scatter.src", "scatter.value")
 def _scatter(g: Graph, kind: str, x: Node, dim: int, index: Node, new: Any) -> Node:
     new = as_kind(g, new, kind)
-    return scattered(g, "scatter", x, dim, index, expand(g, new, index.shape) if not new.shape else new)
+    new = expand(g, new, index.shape) if not new.shape else new
+    return scattered(g, "scatter", x, dim, index, new)
 
 
-def _merged(
-    g: Graph, x: Node, indices: Sequence[Node | None]
-) -> tuple[Node, int, Node, tuple[int, ...], tuple[int, ...]]:
-    """x with its indexed dimensions joined to one (dim), the index along it, and both shapes."""
+@lowers("scatter_reduce.two")
+def _scatter_reduce(
+    g: Graph,
+    kind: str,
+    x: Node,
+    dim: int,
+    index: Node,
+    new: Node,
+    reduce: str,
+    *,
+    include_self: bool = True,
+) -> Node:
+    if reduce != "sum" or not include_self:
+        raise NotImplementedError(f"by {reduce}, include_self={include_self}: only a sum with self")
+    return scattered(g, "scatter_add", x, dim, index, new)
+
+
+class _Indexed(NamedTuple):
+    """x with its indexed dimensions joined to one, and the index along it."""
+
+    joined: Node
+    dim: int
+    index: Node  # spread over all other dimensions
+    order: list[int]  # of x's dimensions before they were joined
+    shape: Shape  # of the result
+
+
+def _indexed(g: Graph, x: Node, indices: Sequence[Node | None]) -> _Indexed:
     places = [d for d, i in enumerate(indices) if i is not None]
     chosen = [i for i in indices if i is not None]
     if any(i.kind == "b" for i in chosen):
         raise Untraceable("indexing by a mask: its size depends on data; use torch.where")
-    if places != list(range(places[0], places[-1] + 1)):
-        raise Untraceable("index tensors with a slice between them")
+    order = list(range(len(x.shape)))
+    if places != list(range(places[0], places[-1] + 1)):  # what they choose comes first
+        order = places + [d for d in order if d not in places]
+        x, places = permute(g, x, order), list(range(len(places)))
     first, count = places[0], len(places)
     shape = broadcast([i.shape for i in chosen])
     flat = g.full(0, shape, "i")
@@ -75,61 +107,52 @@ def _merged(
     before, after = x.shape[:first], x.shape[first + count :]
     joined = reshape(g, x, (*before, math.prod(x.shape[first : first + count]), *after))
     number = math.prod(shape)
-    row = reshape(g, flat, (number,))
-    column = reshape(g, row, (*(1,) * len(before), number, *(1,) * len(after)))
+    column = reshape(g, flat, (*(1,) * len(before), number, *(1,) * len(after)))
     spread = expand(g, column, (*before, number, *after))
-    return joined, first, spread, (*before, *shape, *after), (*before, number, *after)
+    return _Indexed(joined, first, spread, order, (*before, *shape, *after))
 
 
 @lowers("index.Tensor", "_unsafe_index.Tensor")
 def _index(g: Graph, kind: str, x: Node, indices: Sequence[Node | None]) -> Node:
-    joined, dim, index, shape, _ = _merged(g, x, indices)
-    return reshape(g, gather(g, kind, joined, dim, index), shape)
+    found = _indexed(g, x, indices)
+    return reshape(g, gather(g, kind, found.joined, found.dim, found.index), found.shape)
 
 
 @lowers("index_put.default", "_unsafe_index_put.default", "_index_put_impl.default")
 def _index_put(
-    g: Graph, kind: str, x: Node, indices: Sequence[Node | None], new: Any,
-    accumulate: bool = False, *_: Any,
+    g: Graph,
+    kind: str,
+    x: Node,
+    indices: Sequence[Node | None],
+    new: Any,
+    accumulate: bool = False,
+    *_: Any,
 ) -> Node:
-    joined, dim, index, shape, flat = _merged(g, x, indices)
-    values = reshape(g, expand(g, as_kind(g, new, kind), shape), flat)
+    new = as_kind(g, new, kind)
+    masks = [i for i in indices if i is not None and i.kind == "b"]
+    if len(masks) == 1 == len(indices) and new.size == 1 and not accumulate:
+        shape = (*masks[0].shape, *(1,) * (len(x.shape) - len(masks[0].shape)))
+        parts = [reshape(g, masks[0], shape), reshape(g, new, ()), x]
+        return pointwise(g, "where", parts, kind)
+    found = _indexed(g, x, indices)
+    values = reshape(g, expand(g, new, found.shape), found.index.shape)
     op = "scatter_add" if accumulate else "scatter"
-    return reshape(g, scattered(g, op, joined, dim, index, values), x.shape)
+    put = scattered(g, op, found.joined, found.dim, found.index, values)
+    turned_back = [found.order.index(d) for d in range(len(found.order))]
+    return permute(g, reshape(g, put, [x.shape[d] for d in found.order]), turned_back)
+
+
+@lowers("put.default")
+def _put(g: Graph, kind: str, x: Node, index: Node, new: Node, accumulate: bool = False) -> Node:
+    flat = reshape(g, x, (x.size,))
+    put = _index_put(g, kind, flat, [index], reshape(g, new, index.shape), accumulate)
+    return reshape(g, put, x.shape)
 
 
 @lowers("index_select.default")
 def _index_select(g: Graph, kind: str, x: Node, dim: int, index: Node) -> Node:
-    indices: list[Node | None] = [None] * len(x.shape)
-    indices[dim % len(x.shape)] = index
-    return _index(g, kind, x, indices)
-
-
-def _ordered(
-    g: Graph, x: Node, dim: int, count: int, descending: bool
-) -> tuple[Node, Node]:
-    """The first `count` elements along a dimension in order, and their indices."""
     if not x.shape:
-        return x, g.full(0, (), "i")
-    dim %= len(x.shape)
-    order = [d for d in range(len(x.shape)) if d != dim] + [dim]
-    back = [order.index(d) for d in range(len(order))]
-    turned = permute(g, x, order)
-    shape = (*turned.shape[:-1], count)
-    index = g.node("order", (turned,), shape, "i", (descending,))
-    values = g.node("gather", (turned, index), shape, x.kind)
-    return permute(g, values, back), permute(g, index, back)
-
-
-@lowers("topk.default")
-def _topk(
-    g: Graph, kind: str, x: Node, k: int, dim: int = -1, largest: bool = True, sorted: bool = True
-) -> tuple[Node, Node]:
-    return _ordered(g, x, dim, k, largest)
-
-
-@lowers("sort.default", "sort.stable")
-def _sort(
-    g: Graph, kind: str, x: Node, dim: int = -1, descending: bool = False, **_: Any
-) -> tuple[Node, Node]:
-    return _ordered(g, x, dim, x.shape[dim] if x.shape else 1, descending)
+        return x
+    indices: list[Node | None] = [None] * len(x.shape)
+    indices[dim % len(x.shape)] = reshape(g, index, (index.size,))
+    return _index(g, kind, x, indices)

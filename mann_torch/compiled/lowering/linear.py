@@ -1,13 +1,13 @@
-"""Small systems of linear equations: LU with pivoting, the pivot chosen by compare-and-select."""
+"""Small systems of linear equations: LU with pivots, Cholesky, triangles."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from ..arithmetic import pointwise, reduce
-from ..graph import Graph, Node
-from ..views import permute, reshape
-from .registry import lowers
+from ..arithmetic import broadcast, pointwise, reduce
+from ..graph import Graph, Node, Shape
+from ..views import expand, narrow, permute, reshape
+from .registry import as_kind, lowers
 from .shapes import _diagonal
 
 
@@ -17,7 +17,7 @@ def _transposed(g: Graph, x: Node) -> Node:
 
 
 def factors(g: Graph, A: Node) -> tuple[Node, Node]:
-    """L and U in one matrix (..., n, n), and the row of A that each row of it comes from (..., n)."""
+    """L and U in one matrix (..., n, n), and which row of A each row comes from (..., n)."""
     lu = g.node("lu", (A,), A.shape, "f")
     return lu, g.node("lu_rows", (lu,), A.shape[:-1], "i")
 
@@ -63,29 +63,103 @@ def _lu_solve(
 
 @lowers("linalg_inv_ex.default")
 def _inv(g: Graph, kind: str, A: Node, **_: Any) -> tuple[Node, ...]:
-    n = A.shape[-1]
-    same = pointwise(g, "ieq", [reshape(g, g.iota(0, 1, n), (n, 1)), g.iota(0, 1, n)], "b")
-    eye = pointwise(g, "to_f", [same], "f", (), A.shape)
-    return solve(g, A, eye, True, False)[0], g.full(0, A.shape[:-2], "i")
+    return solve(g, A, eye(g, A.shape), True, False)[0], g.full(0, A.shape[:-2], "i")
+
+
+def _parity(g: Graph, lu: Node) -> Node:
+    """1 where an even number of rows was exchanged, else -1."""
+    one = g.full(1.0, lu.shape[:-2], "f")
+    return g.node("lu_sign", (lu,), lu.shape[:-2], "f") if lu.size else one
 
 
 @lowers("_linalg_det.default")
 def _det(g: Graph, kind: str, A: Node) -> tuple[Node, ...]:
     lu, rows = factors(g, A)
     diagonal = _diagonal(g, "f", lu, 0, -2, -1)
-    sign = g.node("lu_sign", (lu,), A.shape[:-2], "f")
     size = reduce(g, "prod", diagonal, [len(diagonal.shape) - 1])
-    return pointwise(g, "mul", [size, sign], "f"), lu, rows
+    return pointwise(g, "mul", [size, _parity(g, lu)], "f"), lu, rows
+
+
+@lowers("_linalg_slogdet.default")
+def _slogdet(g: Graph, kind: str, A: Node) -> tuple[Node, ...]:
+    lu, rows = factors(g, A)
+    diagonal = _diagonal(g, "f", lu, 0, -2, -1)
+    last = [len(diagonal.shape) - 1]
+    signs = reduce(g, "prod", pointwise(g, "sign", [diagonal], "f"), last)
+    sizes = pointwise(g, "log", [pointwise(g, "abs", [diagonal], "f")], "f")
+    sign = pointwise(g, "mul", [signs, _parity(g, lu)], "f")
+    return sign, reduce(g, "sum", sizes, last), lu, rows
+
+
+@lowers("lu_unpack.default")
+def _lu_unpack(
+    g: Graph, kind: str, lu: Node, rows: Node, data: bool = True, pivots: bool = True
+) -> tuple[Node, ...]:
+    n, m = lu.shape[-2:]
+    k = min(n, m)
+    left, upper = narrow(g, lu, len(lu.shape) - 1, 0, k), narrow(g, lu, len(lu.shape) - 2, 0, k)
+    lower = _triangle(g, kind, left, -1, op="ile")
+    unit = pointwise(g, "add", [lower, eye(g, left.shape)], "f")
+    column = reshape(g, g.iota(0, 1, n), (n, 1))
+    from_row = pointwise(g, "ieq", [column, reshape(g, rows, (*rows.shape[:-1], 1, n))], "b")
+    return as_kind(g, from_row, "f"), unit, _triangle(g, kind, upper)
+
+
+@lowers("linalg_cholesky_ex.default")
+def _cholesky(g: Graph, kind: str, A: Node, *, upper: bool = False, **_: Any) -> tuple[Node, ...]:
+    found = g.node("cholesky", (_transposed(g, A) if upper else A,), A.shape, "f")
+    return _transposed(g, found) if upper else found, g.full(0, A.shape[:-2], "i")
+
+
+@lowers("linalg_solve_triangular.default")
+def solve_triangular(
+    g: Graph,
+    kind: str,
+    A: Node,
+    B: Node,
+    *,
+    upper: bool,
+    left: bool = True,
+    unitriangular: bool = False,
+) -> Node:
+    """X with A X = B, or X A = B, for a triangle A."""
+    if not left:
+        parts = _transposed(g, A), _transposed(g, B)
+        found = solve_triangular(g, kind, *parts, upper=not upper, unitriangular=unitriangular)
+        return _transposed(g, found)
+    lead = broadcast([A.shape[:-2], B.shape[:-2]])
+    A, B = expand(g, A, (*lead, *A.shape[-2:])), expand(g, B, (*lead, *B.shape[-2:]))
+    return g.node("triangular", (A, B), B.shape, "f", (upper, unitriangular))
+
+
+@lowers("cholesky_solve.default")
+def _cholesky_solve(g: Graph, kind: str, B: Node, L: Node, upper: bool = False) -> Node:
+    lower, right = (_transposed(g, L), L) if upper else (L, _transposed(g, L))
+    half = solve_triangular(g, kind, lower, B, upper=False)
+    return solve_triangular(g, kind, right, half, upper=True)
+
+
+@lowers("cholesky_inverse.default")
+def _cholesky_inverse(g: Graph, kind: str, L: Node, upper: bool = False) -> Node:
+    return _cholesky_solve(g, kind, eye(g, L.shape), L, upper)
+
+
+def eye(g: Graph, shape: Shape) -> Node:
+    """Ones on the diagonal of the last two dimensions."""
+    n, m = shape[-2:]
+    same = pointwise(g, "ieq", [reshape(g, g.iota(0, 1, n), (n, 1)), g.iota(0, 1, m)], "b")
+    return pointwise(g, "to_f", [same], "f", (), shape)
 
 
 @lowers("triu.default")
 def _triangle(g: Graph, kind: str, x: Node, diagonal: int = 0, *, op: str = "ige") -> Node:
     n, m = x.shape[-2:]
     row, column = reshape(g, g.iota(diagonal, 1, n), (n, 1)), g.iota(0, 1, m)
-    return pointwise(g, "where", [pointwise(g, op, [column, row], "b"), x, g.full(0, (), x.kind)], x.kind)
+    return pointwise(
+        g, "where", [pointwise(g, op, [column, row], "b"), x, g.full(0, (), x.kind)], x.kind
+    )
 
 
 @lowers("tril.default")
 def _tril(g: Graph, kind: str, x: Node, diagonal: int = 0) -> Node:
     return _triangle(g, kind, x, diagonal, op="ile")
-

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import operator
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import torch
@@ -12,7 +12,8 @@ from torch.fx import GraphModule
 from torch.fx import Node as Traced
 
 from ..graph import Graph, Node
-from ..tracing import Untraceable, attribute_of, source_of
+from ..tracing import Untraceable, source_of
+from .constants import Constants, random
 from .registry import KIND_OF, LOWERINGS, kind_of
 
 
@@ -22,23 +23,28 @@ def lower(g: Graph, made: GraphModule, inputs: Sequence[Node]) -> list[Node]:
     Raises `Untraceable` for an operation without a lowering, by its name and source line.
     """
     values: dict[Traced, Any] = {}
+    constants = Constants(made)
     given = iter(inputs)
     for traced in made.graph.nodes:
         if traced.op == "placeholder":
             values[traced] = next(given)
         elif traced.op == "get_attr":
-            values[traced] = _constant(g, attribute_of(made, str(traced.target)))
+            values[traced] = _constant(g, constants.of(traced))
         elif traced.op == "call_function":
             if traced.users:
-                values[traced] = _called(g, traced, values)
+                values[traced] = _called(g, traced, values, constants)
         else:
             (results,) = traced.args
             return [_value(r, values) for r in results]  # type: ignore[union-attr]
     return []
 
 
-def _constant(g: Graph, tensor: torch.Tensor) -> Node:
-    return g.table(tensor.detach().reshape(-1).tolist(), tuple(tensor.shape), _kind(tensor.dtype))
+def _constant(g: Graph, value: Any) -> Any:
+    if not isinstance(value, torch.Tensor):
+        return tuple(_constant(g, v) for v in value)
+    whole = not (value.is_floating_point() or value.dtype == torch.bool)
+    kind = "i" if whole else _kind(value.dtype)  # of whatever width: a number is a number
+    return g.table(value.detach().reshape(-1).tolist(), tuple(value.shape), kind)
 
 
 def _kind(dtype: torch.dtype) -> str:
@@ -54,48 +60,74 @@ def _value(argument: Any, values: dict[Traced, Any]) -> Any:
     return argument
 
 
-def _called(g: Graph, traced: Traced, values: dict[Traced, Any]) -> Any:
-    args = [_value(a, values) for a in traced.args]
+def _called(g: Graph, traced: Traced, values: dict[Traced, Any], constants: Constants) -> Any:
     if traced.target is operator.getitem:
-        return args[0][args[1]]
+        return values[traced.args[0]][traced.args[1]]  # type: ignore[index]
     name = str(traced.target).removeprefix("aten.")
+    tensors = _tensors(name, traced)
+    own = tensors[0].dtype
+    alike = own in KIND_OF or own == torch.int32
+    if not alike and traced in constants:
+        return _constant(g, constants.of(traced))
     function = LOWERINGS.get(name)
-    if function is None:
-        raise Untraceable(f"operation {name} has no compiled form{source_of(traced)}")
-    result = traced.meta["val"]
-    first = result[0] if isinstance(result, (list, tuple)) else result
-    _check_precision(name, traced, first.dtype)
-    args = [_rounded(a, first.dtype) for a in args]
+    try:
+        if function is None:
+            raise NotImplementedError(f"operation {name} has no compiled form")
+        _check_precision(name, traced, own)
+        return _lowered(g, traced, values, function, tensors[0])
+    except (Untraceable, NotImplementedError, TypeError) as error:
+        if traced in constants:
+            return _constant(g, constants.of(traced))
+        text = str(error) if name in str(error) else f"{name}: {error}"
+        raise Untraceable(text + source_of(traced)) from error
+
+
+def _tensors(name: str, traced: Traced) -> list[torch.Tensor]:
+    """What torch says the results are like."""
+    result = traced.meta.get("val")
+    tensors = list(result) if isinstance(result, (list, tuple)) else [result]
+    if not isinstance(tensors[0], torch.Tensor):
+        what = f"a Python number made of data ({name}: `.item()`, `int(tensor)`)"
+        raise Untraceable(what + source_of(traced))
+    if random(traced):
+        raise Untraceable(f"{name} draws random numbers{source_of(traced)}")
+    return tensors
+
+
+def _lowered(
+    g: Graph,
+    traced: Traced,
+    values: dict[Traced, Any],
+    function: Callable[..., Any],
+    like: torch.Tensor,
+) -> Any:
+    args = [_rounded(_value(a, values), like.dtype) for a in traced.args]
     keywords = {k: _value(v, values) for k, v in traced.kwargs.items()}
     for dropped in ("dtype", "layout", "device", "pin_memory", "memory_format", "non_blocking"):
         keywords.pop(dropped, None)
-    if "shape" in _parameters(function):
-        keywords["shape"] = tuple(first.shape)
-    try:
-        return function(g, _kind(first.dtype), *args, **keywords)
-    except (Untraceable, NotImplementedError, TypeError) as error:
-        raise Untraceable(f"{name}: {error}{source_of(traced)}") from error
+    if "shape" in inspect.signature(function).parameters:
+        keywords["shape"] = tuple(like.shape)
+    return function(g, _kind(like.dtype), *args, **keywords)
 
 
-def _parameters(function: Any) -> Any:
-    return inspect.signature(function).parameters
-
-
+_NAMES = """
+    full scalar_tensor view expand unsqueeze squeeze alias zeros ones empty full_like zeros_like
+    ones_like lift_fresh_copy clone detach where select slice cat permute
+"""
 #: What may be float32: it only makes or moves constants, exact in float64.
-_CONSTANT = frozenset(
-    "full scalar_tensor view expand unsqueeze squeeze alias arange zeros ones empty full_like "
-    "zeros_like ones_like lift_fresh_copy clone detach where select slice cat permute".split()
-)
+_CONSTANT = frozenset(_NAMES.split())
 
 
 def _check_precision(name: str, traced: Traced, dtype: torch.dtype) -> None:
     """Raise `Untraceable` for arithmetic in anything but float64."""
-    if dtype in KIND_OF or not (dtype.is_floating_point or dtype.is_complex):
+    if not (dtype.is_floating_point or dtype.is_complex) or dtype in KIND_OF:
         return
     operation = name.split(".")[0]
-    whole = operation == "_to_copy" and not traced.args[0].meta["val"].is_floating_point()  # type: ignore[union-attr]
+    whole = (
+        operation == "_to_copy" and not traced.args[0].meta["val"].is_floating_point()  # type: ignore[union-attr]
+    )
     if dtype != torch.float32 or not (operation in _CONSTANT or whole):
-        raise Untraceable(f"{name} computes in {dtype}, not in float64{source_of(traced)}")
+        raise Untraceable(f"{name} computes in {dtype}, not in float64")
 
 
 def _rounded(value: Any, dtype: torch.dtype) -> Any:

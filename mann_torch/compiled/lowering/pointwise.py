@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import torch
-
 from ..arithmetic import pointwise
 from ..graph import Graph, Node
-from .registry import as_kind, common_kind, kind_of, lowers
+from .registry import as_kind, common_kind, lowers
 
 Found = Node
-_UNARY = (
-    "abs sqrt exp exp2 expm1 log log2 log10 log1p sin cos tan asin acos atan sinh cosh tanh asinh "
-    "acosh atanh sigmoid erf erfc reciprocal floor ceil trunc round"
-).split()
+_NAMES = """
+    abs sqrt exp exp2 expm1 log log2 log10 log1p sin cos tan asin acos atan sinh cosh tanh asinh
+    acosh atanh sigmoid erf erfc reciprocal floor ceil trunc round neg
+"""
 _OF_INTEGERS = {"add": "iadd", "sub": "isub", "mul": "imul", "neg": "ineg", "abs": "iabs"}
 _KEEP_INTEGERS = ("floor", "ceil", "trunc", "round")
 
@@ -29,8 +27,21 @@ def _unary(op: str) -> None:
         return pointwise(g, name, [as_kind(g, x, kind)], kind)
 
 
-for _op in (*_UNARY, "neg", "sign"):
+for _op in _NAMES.split():
     _unary(_op)
+
+
+@lowers("sign.default")
+def _sign(g: Graph, kind: str, x: Node) -> Found:
+    if kind == "f":
+        return pointwise(g, "sign", [x], "f")
+    least = pointwise(g, "imax", [as_kind(g, x, "i"), g.full(-1, (), "i")], "i")
+    return as_kind(g, pointwise(g, "imin", [least, g.full(1, (), "i")], "i"), kind)
+
+
+@lowers("rsqrt.default")
+def _rsqrt(g: Graph, kind: str, x: Node) -> Found:
+    return pointwise(g, "reciprocal", [pointwise(g, "sqrt", [x], "f")], "f")
 
 
 def _binary(op: str, *names: str) -> None:
@@ -55,33 +66,6 @@ def _div(g: Graph, kind: str, a: Any, b: Any) -> Found:
     return pointwise(g, "div", [as_kind(g, a, "f"), as_kind(g, b, "f")], "f")
 
 
-@lowers("div.Tensor_mode", "div.Scalar_mode")
-def _div_mode(g: Graph, kind: str, a: Any, b: Any, *, rounding_mode: str | None = None) -> Found:
-    if kind == "i" and rounding_mode == "floor":
-        return pointwise(g, "idiv", [as_kind(g, a, "i"), as_kind(g, b, "i")], "i")
-    whole = _div(g, "f", a, b)
-    if rounding_mode is not None:
-        whole = pointwise(g, rounding_mode, [whole], "f")
-    return as_kind(g, whole, kind)
-
-
-@lowers("floor_divide.default")
-def _floor_divide(g: Graph, kind: str, a: Any, b: Any) -> Found:
-    return _div_mode(g, kind, a, b, rounding_mode="floor")
-
-
-@lowers("remainder.Tensor", "remainder.Scalar")
-def _remainder(g: Graph, kind: str, a: Any, b: Any, *, op: str = "remainder") -> Found:
-    name = "imod" if kind == "i" and op == "remainder" else op
-    return pointwise(g, name, [as_kind(g, a, kind), as_kind(g, b, kind)], kind)
-
-
-@lowers("fmod.Tensor", "fmod.Scalar")
-def _fmod(g: Graph, kind: str, a: Any, b: Any) -> Found:
-    found = _remainder(g, "f", a, b, op="fmod")
-    return as_kind(g, found, kind)
-
-
 @lowers("atan2.default")
 def _of_two(g: Graph, kind: str, a: Any, b: Any, *, op: str = "atan2") -> Found:
     return pointwise(g, op, [as_kind(g, a, "f"), as_kind(g, b, "f")], "f")
@@ -101,7 +85,9 @@ def extreme(g: Graph, op: str, kind: str, a: Any, b: Any) -> Found:
     """max or min of two."""
     if kind == "b":
         return pointwise(g, "or" if op == "max" else "and", [a, b], "b")
-    return pointwise(g, op if kind == "f" else f"i{op}", [as_kind(g, a, kind), as_kind(g, b, kind)], kind)
+    return pointwise(
+        g, op if kind == "f" else f"i{op}", [as_kind(g, a, kind), as_kind(g, b, kind)], kind
+    )
 
 
 @lowers("maximum.default", "clamp_min.default", "clamp_min.Tensor", "relu.default")
@@ -112,6 +98,20 @@ def _maximum(g: Graph, kind: str, a: Any, b: Any = 0) -> Found:
 @lowers("minimum.default", "clamp_max.default", "clamp_max.Tensor")
 def _minimum(g: Graph, kind: str, a: Any, b: Any) -> Found:
     return extreme(g, "min", kind, a, b)
+
+
+@lowers("fmax.default")
+def _fmax(g: Graph, kind: str, a: Any, b: Any, *, op: str = "max") -> Found:
+    """The larger; the other where one is NaN."""
+    found = extreme(g, op, kind, a, b)
+    for x, other in ((a, b), (b, a)):
+        found = pointwise(g, "where", [isnan(g, "b", x), as_kind(g, other, kind), found], kind)
+    return found
+
+
+@lowers("fmin.default")
+def _fmin(g: Graph, kind: str, a: Any, b: Any) -> Found:
+    return _fmax(g, kind, a, b, op="min")
 
 
 @lowers("clamp.default", "clamp.Tensor", "hardtanh.default")
@@ -151,7 +151,8 @@ def _power(g: Graph, kind: str, x: Node, exponent: float) -> Found:
 
 @lowers("pow.Tensor_Tensor", "pow.Scalar")
 def _pow(g: Graph, kind: str, a: Any, b: Any) -> Found:
-    return as_kind(g, pointwise(g, "pow", [as_kind(g, a, "f"), as_kind(g, b, "f")], "f"), kind)
+    found = pointwise(g, "pow", [as_kind(g, a, "f"), as_kind(g, b, "f")], "f")
+    return as_kind(g, found if kind == "f" else pointwise(g, "round", [found], "f"), kind)
 
 
 def _comparison(op: str) -> None:
@@ -186,15 +187,25 @@ def _where(g: Graph, kind: str, condition: Node, a: Any, b: Any) -> Found:
     return pointwise(g, "where", parts, kind)
 
 
-@lowers("_to_copy.default", "clone.default", "alias.default", "detach.default", "to.dtype",
-        "lift_fresh_copy.default", "lift_fresh.default", "contiguous.default",
-        "prims.convert_element_type.default", "convert_element_type.default")
+@lowers(
+    "_to_copy.default",
+    "clone.default",
+    "alias.default",
+    "detach.default",
+    "to.dtype",
+    "lift_fresh_copy.default",
+    "lift_fresh.default",
+    "contiguous.default",
+    "prims.convert_element_type.default",
+    "convert_element_type.default",
+)
 def _copy(g: Graph, kind: str, x: Node, *_: Any, **__: Any) -> Found:
     return as_kind(g, x, kind)
 
 
 @lowers("isnan.default")
-def _isnan(g: Graph, kind: str, x: Node) -> Found:
+def isnan(g: Graph, kind: str, x: Node) -> Found:
+    """Where there is no number."""
     return pointwise(g, "ne", [x, x], "b") if x.kind == "f" else g.full(False, x.shape, "b")
 
 
@@ -202,48 +213,3 @@ def _isnan(g: Graph, kind: str, x: Node) -> Found:
 def _isinf(g: Graph, kind: str, x: Node) -> Found:
     size = pointwise(g, "abs", [as_kind(g, x, "f")], "f")
     return pointwise(g, "eq", [size, g.full(math.inf, (), "f")], "b")
-
-
-@lowers("full.default")
-def _full(g: Graph, kind: str, size: Any, value: Any, *, shape: tuple[int, ...]) -> Found:
-    return g.full(value, shape, kind)
-
-
-@lowers("scalar_tensor.default")
-def _scalar(g: Graph, kind: str, value: Any) -> Found:
-    return g.full(value, (), kind)
-
-
-@lowers("zeros.default", "zeros_like.default", "empty.memory_format", "empty_like.default")
-def _zeros(g: Graph, kind: str, *_: Any, shape: tuple[int, ...]) -> Found:
-    return g.full(0, shape, kind)
-
-
-@lowers("ones.default", "ones_like.default")
-def _ones(g: Graph, kind: str, *_: Any, shape: tuple[int, ...]) -> Found:
-    return g.full(1, shape, kind)
-
-
-@lowers("full_like.default")
-def _full_like(g: Graph, kind: str, x: Node, value: Any) -> Found:
-    return g.full(value, x.shape, kind)
-
-
-@lowers("fill.Scalar", "fill.Tensor")
-def _fill(g: Graph, kind: str, x: Node, value: Any) -> Found:
-    return pointwise(g, f"to_{kind}", [as_kind(g, value, kind)], kind, (), x.shape)
-
-
-@lowers("arange.start_step")
-def _arange(g: Graph, kind: str, start: Any, end: Any, step: Any = 1, **_: Any) -> Found:
-    if any(isinstance(x, float) for x in (start, end, step)):
-        count = max(0, math.ceil((end - start) / step))
-        return g.table([start + i * step for i in range(count)], (count,), "f")
-    count = max(0, -(-(end - start) // step))
-    return as_kind(g, g.iota(start, step, count), kind)
-
-
-def dtype_kind(value: Any) -> str:
-    """The kind of what a traced operation gives."""
-    tensor = value if isinstance(value, torch.Tensor) else value[0]
-    return kind_of(tensor.dtype)

@@ -10,9 +10,11 @@ from ..arithmetic import pointwise, reduce
 from ..graph import Graph, Node
 from ..views import permute, reshape
 from .registry import as_kind, dims_of, lowers
+from .shapes import turned
 
 
-def _kept(g: Graph, found: Node, x: Node, dims: Sequence[int], keepdim: bool) -> Node:
+def kept(g: Graph, found: Node, x: Node, dims: Sequence[int], keepdim: bool) -> Node:
+    """With the reduced dimensions as ones, where they are to stay."""
     if not keepdim:
         return found
     return reshape(g, found, tuple(1 if d in dims else n for d, n in enumerate(x.shape)))
@@ -25,7 +27,7 @@ def _reduction(op: str, *names: str) -> None:
     ) -> Node:
         places = dims_of(x, dims)
         source = as_kind(g, x, kind)
-        return _kept(g, reduce(g, op, source, places), x, places, keepdim)
+        return kept(g, reduce(g, op, source, places), x, places, keepdim)
 
 
 _reduction("sum", "sum.dim_IntList", "sum.default")
@@ -50,7 +52,7 @@ def arg_extreme(g: Graph, op: str, x: Node, dim: int | None, keepdim: bool) -> N
         found = reduce(g, op, reshape(g, as_kind(g, x, _ordered(x)), (x.size,)), [0], "i")
         return reshape(g, found, (1,) * len(x.shape)) if keepdim else found
     dims = dims_of(x, dim)
-    return _kept(g, reduce(g, op, as_kind(g, x, _ordered(x)), dims, "i"), x, dims, keepdim)
+    return kept(g, reduce(g, op, as_kind(g, x, _ordered(x)), dims, "i"), x, dims, keepdim)
 
 
 def _ordered(x: Node) -> str:
@@ -63,11 +65,9 @@ for _op in ("argmax", "argmin"):
 
 def _with_index(op: str) -> None:
     @lowers(f"{op}.dim")
-    def lower(
-        g: Graph, kind: str, x: Node, dim: int, keepdim: bool = False
-    ) -> tuple[Node, Node]:
+    def lower(g: Graph, kind: str, x: Node, dim: int, keepdim: bool = False) -> tuple[Node, Node]:
         dims = dims_of(x, dim)
-        values = _kept(g, reduce(g, f"a{op}", x, dims), x, dims, keepdim)
+        values = kept(g, reduce(g, f"a{op}", x, dims), x, dims, keepdim)
         return values, arg_extreme(g, f"arg{op}", x, dim, keepdim)
 
 
@@ -78,21 +78,23 @@ for _op in ("max", "min"):
 @lowers("mean.dim", "mean.default")
 def _mean(g: Graph, kind: str, x: Node, dims: Any = None, keepdim: bool = False, **_: Any) -> Node:
     places = dims_of(x, dims)
-    total = _kept(g, reduce(g, "sum", x, places), x, places, keepdim)
+    total = kept(g, reduce(g, "sum", x, places), x, places, keepdim)
     count = math.prod(x.shape[d] for d in places)
     return pointwise(g, "div", [total, g.full(float(count), (), "f")], "f")
 
 
 @lowers("var.correction")
 def _var(
-    g: Graph, kind: str, x: Node, dims: Any = None, *, correction: float = 1, keepdim: bool = False
+    g: Graph, kind: str, x: Node, dims: Any = None, *, correction: Any = 1, keepdim: bool = False
 ) -> Node:
     places = dims_of(x, dims)
     apart = pointwise(g, "sub", [x, _mean(g, "f", x, places, True)], "f")
     total = reduce(g, "sum", pointwise(g, "mul", [apart, apart], "f"), places)
-    count = math.prod(x.shape[d] for d in places) - (1 if correction is None else correction)
+    count = max(
+        0, math.prod(x.shape[d] for d in places) - (1 if correction is None else correction)
+    )
     spread = pointwise(g, "div", [total, g.full(float(count), (), "f")], "f")
-    return _kept(g, spread, x, places, keepdim)
+    return kept(g, spread, x, places, keepdim)
 
 
 @lowers("mm.default", "bmm.default", "matmul.default")
@@ -104,14 +106,10 @@ def matmul(g: Graph, kind: str, a: Node, b: Node) -> Node:
     return reduce(g, "sum", product, [len(a.shape) - 1])
 
 
-@lowers("dot.default", "vdot.default")
-def _dot(g: Graph, kind: str, a: Node, b: Node) -> Node:
-    return reduce(g, "sum", pointwise(g, "mul", [a, b], kind), [0])
-
-
-@lowers("mv.default")
-def _mv(g: Graph, kind: str, a: Node, b: Node) -> Node:
-    return reduce(g, "sum", pointwise(g, "mul", [a, b], kind), [1])
+@lowers("dot.default", "vdot.default", "mv.default")
+def _product_sum(g: Graph, kind: str, a: Node, b: Node) -> Node:
+    product = pointwise(g, "mul" if kind == "f" else "imul", [a, b], kind)
+    return reduce(g, "sum", product, [len(a.shape) - 1])
 
 
 def _scan(op: str) -> None:
@@ -124,11 +122,8 @@ def scan(g: Graph, op: str, x: Node, dim: int) -> Node:
     """Running sums or products."""
     if not x.shape:
         return x
-    last = len(x.shape) - 1
-    order = [d for d in range(last + 1) if d != dim % (last + 1)] + [dim % (last + 1)]
-    back = [order.index(d) for d in range(last + 1)]
-    turned = permute(g, x, order)
-    return permute(g, g.node(op, (turned,), turned.shape, x.kind), back)
+    row, back = turned(g, x, dim)
+    return permute(g, g.node(op, (row,), row.shape, x.kind), back)
 
 
 for _op in ("cumsum", "cumprod"):

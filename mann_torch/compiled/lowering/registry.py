@@ -32,10 +32,9 @@ def kind_of(dtype: torch.dtype) -> str:
     """Our letter for a dtype; raises `Untraceable` for one that lanes do not have."""
     kind = KIND_OF.get(dtype)
     if kind is None:
-        short = {torch.int32: "i", torch.int16: "i", torch.int8: "i", torch.uint8: "i"}
-        if dtype not in short:
+        if dtype != torch.int32:  # the others would wrap around soon
             raise Untraceable(f"numbers of {dtype}: lanes hold float64, int64 and bool")
-        kind = short[dtype]
+        kind = "i"
     return kind
 
 
@@ -65,8 +64,9 @@ def common_kind(*operands: Any) -> str:
 
 def dims_of(x: Node, dims: Any) -> list[int]:
     """Dimensions counted from 0; all of them if none are given."""
+    if not x.shape:
+        return []
     if dims is None or (isinstance(dims, Sequence) and not dims):
         return list(range(len(x.shape)))
     given = dims if isinstance(dims, Sequence) else [dims]
-    rank = max(len(x.shape), 1)
-    return sorted(d % rank for d in given)
+    return sorted(d % len(x.shape) for d in given)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from ..arithmetic import pointwise
 from ..graph import Graph, IndexMap, Node
 from ..views import cat, expand, narrow, permute, reshape, view
 from .registry import as_kind, lowers
@@ -25,8 +26,17 @@ def _bounds(size: int, start: Any, end: Any, step: int) -> tuple[int, int]:
     return low, max(0, -(-(high - low) // step))
 
 
-@lowers("view.default", "reshape.default", "_unsafe_view.default", "_reshape_alias.default",
-        "unsqueeze.default", "squeeze.dim", "squeeze.dims", "squeeze.default", "unflatten.int")
+@lowers(
+    "view.default",
+    "reshape.default",
+    "_unsafe_view.default",
+    "_reshape_alias.default",
+    "unsqueeze.default",
+    "squeeze.dim",
+    "squeeze.dims",
+    "squeeze.default",
+    "unflatten.int",
+)
 def _reshape(g: Graph, kind: str, x: Node, *_: Any, shape: Sequence[int]) -> Node:
     return reshape(g, x, shape)
 
@@ -39,6 +49,13 @@ def _expand(g: Graph, kind: str, x: Node, *_: Any, shape: Sequence[int], **__: A
 @lowers("permute.default")
 def _permute(g: Graph, kind: str, x: Node, order: Sequence[int]) -> Node:
     return permute(g, x, [_dim(x, d) for d in order])
+
+
+def turned(g: Graph, x: Node, dim: int) -> tuple[Node, list[int]]:
+    """With a dimension moved to the end, and the permutation that undoes it."""
+    rank = len(x.shape)
+    order = [d for d in range(rank) if d != dim % rank] + [dim % rank]
+    return permute(g, x, order), [order.index(d) for d in range(rank)]
 
 
 @lowers("transpose.int")
@@ -107,9 +124,7 @@ def _flip(g: Graph, kind: str, x: Node, dims: Sequence[int]) -> Node:
 
 
 @lowers("diagonal.default")
-def _diagonal(
-    g: Graph, kind: str, x: Node, offset: int = 0, dim1: int = 0, dim2: int = 1
-) -> Node:
+def _diagonal(g: Graph, kind: str, x: Node, offset: int = 0, dim1: int = 0, dim2: int = 1) -> Node:
     a, b = _dim(x, dim1), _dim(x, dim2)
     row, column = max(-offset, 0), max(offset, 0)
     count = max(0, min(x.shape[a] - row, x.shape[b] - column))
@@ -140,7 +155,13 @@ def _pad(g: Graph, kind: str, x: Node, pads: Sequence[int], value: Any = 0) -> N
 
 @lowers("slice_scatter.default")
 def _slice_scatter(
-    g: Graph, kind: str, x: Node, new: Node, dim: int = 0, start: Any = None, end: Any = None,
+    g: Graph,
+    kind: str,
+    x: Node,
+    new: Node,
+    dim: int = 0,
+    start: Any = None,
+    end: Any = None,
     step: int = 1,
 ) -> Node:
     dim = _dim(x, dim)
@@ -169,21 +190,43 @@ def _select_scatter(g: Graph, kind: str, x: Node, new: Node, dim: int, index: in
 def _diagonal_scatter(
     g: Graph, kind: str, x: Node, new: Node, offset: int = 0, dim1: int = 0, dim2: int = 1
 ) -> Node:
+    """`new` spread over rows and columns, chosen where a row meets its column."""
     a, b = _dim(x, dim1), _dim(x, dim2)
-    if (a, b) != (0, 1) or len(x.shape) != 2 or offset != 0:
-        raise NotImplementedError("diagonal_scatter off the main diagonal")
-    rows = []
-    for i in range(x.shape[0]):
-        row = narrow(g, x, 0, i, 1)
-        if i < x.shape[1]:
-            row = _slice_scatter(g, kind, row, reshape(g, narrow(g, new, 0, i, 1), (1, 1)), 1, i, i + 1)
-        rows.append(row)
-    return cat(g, rows, 0)
+    row, rank = max(-offset, 0), len(x.shape)
+    count = new.shape[-1]
+    room = g.full(0, (*new.shape[:-1], x.shape[a]), kind)
+    padded = _slice_scatter(g, kind, room, new, -1, row, row + count)
+    rest = [d for d in range(rank) if d not in (a, b)]
+    order = [rest.index(d) if d in rest else rank - 2 for d in range(rank) if d != b]
+    spread = reshape(
+        g, permute(g, padded, order), tuple(1 if d == b else n for d, n in enumerate(x.shape))
+    )
+    numbers = [
+        reshape(
+            g, g.iota(start, 1, x.shape[d]), tuple(x.shape[d] if k == d else 1 for k in range(rank))
+        )
+        for start, d in ((offset, a), (0, b))
+    ]
+    return pointwise(
+        g, "where", [pointwise(g, "ieq", numbers, "b"), expand(g, spread, x.shape), x], kind
+    )
+
+
+@lowers("unfold.default")
+def _unfold(g: Graph, kind: str, x: Node, dim: int, size: int, step: int) -> Node:
+    if not x.shape:
+        return reshape(g, x, (size,))
+    dim, rank = _dim(x, dim), len(x.shape)
+    count = (x.shape[dim] - size) // step + 1
+    shape = (*x.shape[:dim], count, *x.shape[dim + 1 :], size)
+    maps = [IndexMap(0, tuple(int(i == d) for i in range(rank + 1))) for d in range(rank)]
+    maps[dim] = IndexMap(0, tuple({dim: step, rank: 1}.get(i, 0) for i in range(rank + 1)))
+    return view(g, x, shape, maps)
 
 
 @lowers("repeat.default")
 def _repeat(g: Graph, kind: str, x: Node, counts: Sequence[int]) -> Node:
     x = reshape(g, x, (1,) * (len(counts) - len(x.shape)) + x.shape)
     for d, count in enumerate(counts):
-        x = cat(g, [x] * count, d)
+        x = cat(g, [x] * count, d) if count else narrow(g, x, d, 0, 0)
     return x

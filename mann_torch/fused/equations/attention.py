@@ -50,4 +50,3 @@ def make_hard(t: SimpleNamespace, keys: SimpleNamespace) -> SimpleNamespace:
         pass
 
     return SimpleNamespace(attend=attend)
-

@@ -11,7 +11,6 @@ def make_representation(t: SimpleNamespace) -> SimpleNamespace:
     hidden_vector, slot_vector, key_matrix = t.hidden_vector, t.slot_vector, t.key_matrix
     S, N = t.S, t.N
 
-
     @wp.func
     def distances(y: State, hidden: hidden_vector, write_gain: real):
         """|sigma - mu_i / c_w|_inf: compared only, so that no gradient passes."""
@@ -71,7 +70,6 @@ def make_state(t: SimpleNamespace) -> SimpleNamespace:
     real, State, pair = t.real, t.State, t.pair
     hidden_vector, slot_vector, key_matrix = t.hidden_vector, t.slot_vector, t.key_matrix
     S = t.S
-
 
     @wp.func
     def distances(y: State, hidden: hidden_vector, write_gain: real):

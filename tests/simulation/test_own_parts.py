@@ -1,0 +1,194 @@
+"""Parts that a user writes in torch run compiled, with their gradients, and no kernel code."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor, nn
+
+import mann_torch as mt
+from experiments.benchmark_n_link import NLinkArm, NLinkParameters
+from mann_torch.plants import ArmCoefficients
+from mann_torch.simulation.solver import Flow, Solver
+from mann_torch.types import (
+    ControllerState,
+    ControlOutput,
+    Measurement,
+    MemoryMode,
+    ReferenceSample,
+)
+from tests.conftest import generator
+
+PAGE = (Path(__file__).parents[2] / "docs" / "extending.md").read_text()
+
+
+class DraggedArm(mt.TwoLinkArm):
+    """The arm in water: drag against the square of the rates, with a parameter of its own."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.drag = nn.Parameter(torch.tensor([0.4, 0.1], dtype=torch.float64))
+
+    def load(self, q: Tensor, qd: Tensor, coefficients: ArmCoefficients) -> Tensor:
+        return super().load(q, qd, coefficients) + self.drag * qd * qd.abs()
+
+
+class LearnedTorque(mt.MannController):
+    """The MANN controller plus a small network of the user's own on the measured state."""
+
+    def __init__(self, **arguments: Any) -> None:
+        super().__init__(2, 6, **arguments)
+        torch.manual_seed(3)
+        layers = nn.Linear(4, 5), nn.Tanh(), nn.LayerNorm(5), nn.Linear(5, 2)
+        self.extra = nn.Sequential(*layers).double()
+
+    def forward(
+        self,
+        reference: ReferenceSample,
+        measurement: Measurement,
+        state: ControllerState,
+        mode: MemoryMode | None,
+    ) -> ControlOutput:
+        found = super().forward(reference, measurement, state, mode)
+        return found._replace(torque=found.torque + self.extra(torch.cat(measurement, dim=-1)))
+
+
+class Waypoints(mt.Reference):
+    """Minimum-jerk moves between points (K, n), `period` [s] each: the piece is found by index."""
+
+    def __init__(self, points: Tensor, period: float) -> None:
+        super().__init__()
+        self.points = nn.Parameter(points)
+        self.period, self.n_joints = period, points.shape[-1]
+
+    @property
+    def batch_shape(self) -> torch.Size:
+        return torch.Size()
+
+    def expand(self, batch_shape: Sequence[int]) -> Waypoints:
+        wide = Waypoints(self.points.detach(), self.period)
+        wide.points = self.points
+        wide.batch = tuple(batch_shape)  # type: ignore[assignment]
+        return wide
+
+    def select(self, members: Sequence[int]) -> Waypoints:
+        return self
+
+    def stack(self, references: Sequence[Any]) -> Waypoints:
+        return self
+
+    def forward(self, t: Tensor) -> ReferenceSample:
+        last = self.points.shape[0] - 2
+        piece = torch.clamp(torch.floor(t / self.period), 0, last).long()
+        s = (t / self.period - piece).clamp(0.0, 1.0).unsqueeze(-1)
+        begin, end = self.points[piece], self.points[piece + 1]
+        shape = 10 * s**3 - 15 * s**4 + 6 * s**5
+        rate = (30 * s**2 - 60 * s**3 + 30 * s**4) / self.period
+        bend = (60 * s - 180 * s**2 + 120 * s**3) / self.period**2
+        batch = (1,) * len(getattr(self, "batch", ()))
+        parts = (begin + (end - begin) * shape, (end - begin) * rate, (end - begin) * bend)
+        parts = (p.reshape(*t.shape, *batch, self.n_joints) for p in parts)
+        wide = (*t.shape, *getattr(self, "batch", ()), self.n_joints)
+        return ReferenceSample(*(p.expand(wide) for p in parts))
+
+
+class Heun(Solver):
+    """Heun's explicit method."""
+
+    @property
+    def name(self) -> str:
+        return "heun"
+
+    def step(self, flow: Flow, t: Tensor, h: Tensor, y: Tensor) -> Tensor:
+        first = flow(t, y)
+        return y + 0.5 * h * (first + flow(t + h, y + h * first))
+
+
+def k_nearest() -> mt.Attention:
+    """The attention of docs/extending.md, as printed there."""
+    names: dict[str, Any] = {}
+    exec(re.findall(r"```python\n(.*?)```", PAGE, re.S)[0], names)
+    attention: mt.Attention = names["KNearestAttention"](k=2)
+    return attention
+
+
+def memory(attention: mt.Attention) -> mt.WorkingMemory:
+    return mt.WorkingMemory(4, 6, attention)
+
+
+def loop(name: str) -> tuple[mt.ClosedLoop, mt.Scenario, mt.Solver | None]:
+    arm, moves = mt.TwoLinkArm(), mt.Sinusoid([1.0, 0.3])
+    scenario = mt.Scenario(moves, mt.arm_parameters(), 0.4)
+    if name == "dragged arm":
+        controller = mt.MannController(2, 6, memory(mt.ReallocatingAttention("always")))
+        return mt.ClosedLoop(DraggedArm(), controller), scenario, None
+    if name == "learned torque":
+        return mt.ClosedLoop(arm, LearnedTorque(memory=memory(mt.HardAttention()))), scenario, None
+    if name == "waypoints":
+        points = torch.tensor([[0.0, 0.0], [0.4, -0.2], [0.1, 0.3]], dtype=torch.float64)
+        scenario = mt.Scenario(Waypoints(points, 0.15), mt.arm_parameters(), 0.4)
+        return mt.ClosedLoop(arm, mt.MannController(2, 6)), scenario, None
+    if name == "k nearest":
+        return mt.ClosedLoop(arm, mt.MannController(2, 6, memory(k_nearest()))), scenario, None
+    if name == "heun":
+        calm = mt.MannController(2, 6, error_gain=2.0, robust_gain=1.0)
+        return mt.ClosedLoop(arm, calm), scenario, Heun(2e-3)
+    links = int(name[0])
+    controller = mt.MannController(links, 6, memory(mt.ReallocatingAttention("initial")))
+    amplitude = [0.4 / (1 + i) for i in range(links)]
+    sizes = torch.linspace(1.0, 0.6, links, dtype=torch.float64)
+    parameters = NLinkParameters(sizes, 1.2 * sizes)
+    return (
+        mt.ClosedLoop(NLinkArm(links), controller),
+        mt.Scenario(mt.Sinusoid(amplitude), parameters, 0.4),
+        None,
+    )
+
+
+NAMES = ("dragged arm", "learned torque", "waypoints", "k nearest", "heun", "3 links")
+
+
+@pytest.mark.parametrize("name", [*NAMES, pytest.param("5 links", marks=pytest.mark.slow)])
+def test_own_parts_run_compiled_and_agree_with_torch(name: str) -> None:
+    found = []
+    for engine in ("torch", "auto"):
+        made, scenario, solver = loop(name)
+        tensors = [*made.parameters(), *scenario.reference.parameters()]
+        free = [p.requires_grad_(True) for p in tensors]
+        run = mt.rollout(
+            made, scenario, solver, generator=generator(), batch_shape=(2,), engine=engine
+        )
+        slopes = torch.autograd.grad(mt.srmse(run).sum(), free, allow_unused=True)
+        found.append((run, slopes))
+    (expected, slopes), (mine, own) = found
+    assert (expected.engine, mine.engine) == ("eager", "fused"), mine.engine_reason
+    assert float((mine.q - expected.q).abs().max()) <= 1e-12
+    assert float((mine.qd - expected.qd).abs().max()) <= 1e-11
+    reached = 0
+    for a, b in zip(slopes, own, strict=True):
+        a = torch.zeros(()) if a is None else a
+        b = torch.zeros(()) if b is None else b
+        reached += bool(a.abs().max() > 0)
+        assert float((a - b).norm()) <= 1e-10 * max(float(a.norm()), 1e-300)
+    assert reached >= 6
+
+
+def test_a_plants_own_parameter_gets_the_slope_of_differences() -> None:
+    made, scenario, _ = loop("dragged arm")
+    drag = made.plant.drag
+
+    def loss(values: list[float]) -> Tensor:
+        with torch.no_grad():
+            drag.copy_(torch.tensor(values, dtype=torch.float64))
+        return mt.srmse(mt.rollout(made, scenario, engine="fused")).sum()
+
+    (slope,) = torch.autograd.grad(loss([0.4, 0.1]), drag)
+    with torch.no_grad():
+        ends = [loss([0.4 + s * 1e-4, 0.1]) for s in (1, -1)]
+    assert math.isclose(float(slope[0]), float(ends[0] - ends[1]) / 2e-4, rel_tol=1e-6)
