@@ -9,13 +9,14 @@ import json
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
 
 import torch
 
 import mann_torch as mt
+from mann_torch.types import MemoryState
 
 from .benchmark_measure import (
     MISSING,
@@ -68,6 +69,9 @@ def k_nearest(batch: int, horizon: float) -> Experiment:
     names: dict[str, Any] = {}
     exec(compile(snippet, "docs/extending.md", "exec"), names)
     memory = mt.WorkingMemory(5, 10, names["KNearestAttention"](k=2))
+    # Slots that start alike stay alike: nothing would depend on the temperature.
+    spread = torch.randn(5, 10, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+    memory.store_(MemoryState(0.4 + 0.1 * spread, memory.initial_keys))
     return _made(mt.TwoLinkArm(), memory, mt.arm_parameters(), batch, horizon)
 
 
@@ -102,7 +106,8 @@ def compare(case: Case) -> dict[str, Any]:
     with threads(1):
         for engine, horizon in zip(ENGINES, (case.torch, case.compiled), strict=True):
             made = PARTS[case.part](case.batch, horizon)
-            short = PARTS[case.part](case.batch, case.torch)
+            scenario = replace(made.scenario, horizon=case.torch)
+            short = replace(made, scenario=scenario)  # the same loop: compiled for both
             names = smooth_constants(made)
             with torch.no_grad():
                 q.append(run(engine, short, motion_dt=None).q)

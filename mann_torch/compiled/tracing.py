@@ -86,7 +86,6 @@ _MORE = [
     "std",
     "var",
     "var_mean",
-    "native_layer_norm",
     "native_layer_norm_backward",
     "trace",
     "logit",

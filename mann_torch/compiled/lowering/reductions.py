@@ -128,3 +128,22 @@ def scan(g: Graph, op: str, x: Node, dim: int) -> Node:
 
 for _op in ("cumsum", "cumprod"):
     _scan(_op)
+
+
+@lowers("native_layer_norm.default")
+def _layer_norm(
+    g: Graph, kind: str, x: Node, size: Sequence[int], weight: Any, bias: Any, eps: float
+) -> tuple[Node, Node, Node]:
+    """The normalised rows, their means, and one over their standard deviations."""
+    dims = list(range(len(x.shape) - len(size), len(x.shape)))
+    mean = _mean(g, "f", x, dims, True)
+    apart = pointwise(g, "sub", [x, mean], "f")
+    spread = _mean(g, "f", pointwise(g, "mul", [apart, apart], "f"), dims, True)
+    deviation = pointwise(g, "sqrt", [pointwise(g, "add", [spread, g.full(eps, (), "f")], "f")], "f")
+    scale = pointwise(g, "reciprocal", [deviation], "f")
+    found = pointwise(g, "mul", [apart, scale], "f")
+    if weight is not None:
+        found = pointwise(g, "mul", [found, weight], "f")
+    if bias is not None:
+        found = pointwise(g, "add", [found, bias], "f")
+    return found, mean, scale
