@@ -61,8 +61,7 @@ class NLinkArm(Plant):
 
     def load(self, q: Tensor, qd: Tensor, coefficients: NLinkCoefficients) -> Tensor:
         """Gravity (..., n) [N m]."""
-        absolute = coefficients.weight * torch.cos(q.cumsum(-1))
-        return (self.sums.mT @ absolute.unsqueeze(-1)).squeeze(-1)
+        return (coefficients.weight * torch.cos(q.cumsum(-1))) @ self.sums
 
     def energy(self, state: PlantState, coefficients: NLinkCoefficients) -> Tensor:
         """Kinetic plus potential energy (...,) [J]."""

@@ -41,7 +41,7 @@ class _March(torch.autograd.Function):
             ctx.marcher = marcher
             ctx.save_for_backward(constants, segments, carry)  # torch tells if one was changed
         ctx.set_materialize_grads(False)
-        return marcher.motion, marcher.state_f
+        return marcher.motion.cpu(), marcher.state_f.cpu()
 
     @staticmethod
     @once_differentiable
@@ -69,8 +69,8 @@ def march(job: Job, constants: Tensor, segments: Tensor, carry: Tensor) -> March
     marcher = box[0]
     last_f, last_k = marcher.last()
     found = Marched(
-        motion, state, marcher.state_k, last_k, last_f,
-        marcher.stop[: marcher.batch], marcher.cause[: marcher.batch],
+        motion, state, marcher.state_k.cpu(), last_k, last_f,
+        marcher.stop[: marcher.batch].cpu(), marcher.cause[: marcher.batch].cpu(),
     )  # fmt: skip
     marcher.forget_outputs()
     return found

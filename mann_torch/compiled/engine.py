@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import functools
 import struct
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -15,15 +11,15 @@ import torch
 from torch import Tensor
 
 from ..errors import KernelError
+from .cores import run_all, torch_on_one_thread
 from .cpp.march import FINE
-from .host import Kernel, kernel, lanes_here
+from .host import Kernel, kernel, on_stream
+from .packing import ROOM, from_lanes, lanes_for, padded, to_lanes
 from .program import Program
 
 #: Steps times samples of one launch on a core: about half a second, so that progress shows and
 #: Ctrl-C is heard.
 LAUNCH_WORK = 1_000_000
-#: Bytes of working memory that one core may use.
-ROOM = 2**30
 
 
 @dataclass(frozen=True)
@@ -47,66 +43,18 @@ class Job:
     wanted: tuple[tuple[int, ...], tuple[int, ...]]  # constants, segments with gradients
     progress: Callable[[int], object] | None = None
     lanes: int | None = None  # None: as many as serve the batch
+    device: str = "cpu"
 
     @property
     def lanes_used(self) -> int:
         """Lanes of a group."""
-        return self.lanes or lanes_for(self.program, len(self.carry_k), torch.get_num_threads())
+        threads = torch.get_num_threads()
+        return self.lanes or lanes_for(self.program, len(self.carry_k), threads, self.device)
 
     @property
     def n_steps(self) -> int:
         """T."""
         return len(self.clock)
-
-
-@contextmanager
-def torch_on_one_thread() -> Iterator[None]:
-    """Torch's own idle threads spin for a while after each operation, on the kernel's cores.
-
-    Only in the main thread: another one would pass the setting on to threads started meanwhile.
-    """
-    before = torch.get_num_threads()
-    alone = threading.current_thread() is threading.main_thread()
-    if alone:
-        torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        if alone:
-            torch.set_num_threads(before)
-
-
-@functools.cache
-def pool(size: int) -> ThreadPoolExecutor:
-    """Threads that run launches side by side: Warp's CPU launches use one core and no GIL."""
-    return ThreadPoolExecutor(size, thread_name_prefix="compiled")
-
-
-def lanes_for(program: Program, batch: int, threads: int) -> int:
-    """Lanes to a group: as many as the machine has, one where cores alone serve the batch.
-
-    Fewer where the working memory of a step would be too large.
-    """
-    lanes = 1 if batch <= 2 * threads else lanes_here()
-    while lanes > 1 and 8 * lanes * program.forward(lanes).heap > ROOM:
-        lanes = max(1, lanes // 8 if lanes == 8 else 1)
-    return lanes
-
-
-def to_lanes(x: Tensor, lanes: int) -> Tensor:
-    """(..., B, n) -> (..., G, n, L), the last sample again where lanes are left over."""
-    batch = x.shape[-2]
-    groups = -(-batch // lanes)
-    if groups * lanes != batch:
-        last = x[..., -1:, :].expand(*x.shape[:-2], groups * lanes - batch, x.shape[-1])
-        x = torch.cat([x, last], dim=-2)
-    x = x.unflatten(-2, (groups, lanes))
-    return x.mT.contiguous()
-
-
-def from_lanes(x: Tensor, batch: int) -> Tensor:
-    """The inverse of `to_lanes`."""
-    return x.mT.flatten(-3, -2)[..., :batch, :]
 
 
 class Marcher:
@@ -119,78 +67,90 @@ class Marcher:
         layout = job.program.layout
         self._lanes = lanes = job.lanes_used
         self._groups = -(-self.batch // lanes)
-        parts = min(torch.get_num_threads(), self._groups)
+        parts = min(torch.get_num_threads(), self._groups) if job.device == "cpu" else 1
         edges = [self._groups * part // parts for part in range(parts + 1)]
         self._shares = [(low, high - low) for low, high in pairwise(edges)]
-        self._constants, self._segments = to_lanes(constants, lanes), to_lanes(segments, lanes)
-        self._whole = to_lanes(job.whole, lanes)
-        self._f, self._k = to_lanes(carry, lanes), to_lanes(job.carry_k, lanes)
-        f, k, doubles = layout.size("f"), layout.size("k"), {"dtype": torch.float64}
-        self.motion = torch.empty(_rows(job.motion_slot), self.batch, layout.n_motion, **doubles)  # type: ignore[call-overload]
-        self.state_f = torch.empty(_rows(job.state_slot), self.batch, f, **doubles)  # type: ignore[call-overload]
-        self.state_k = torch.empty(_rows(job.state_slot), self.batch, k, dtype=torch.int64)
-        self.stop = torch.full((self._groups * lanes,), job.n_steps, dtype=torch.int32)
-        self.cause = torch.zeros(self._groups * lanes, dtype=torch.int32)
-        self._limit = torch.tensor([job.limit], **doubles)  # type: ignore[arg-type]
+        count, groups = self._groups * lanes, self._groups
+        f, k = layout.size("f"), layout.size("k")
+        there = {"device": job.device}
+        self._constants = to_lanes(constants, lanes).to(**there)
+        self._segments = to_lanes(segments, lanes).to(**there)
+        self._whole = to_lanes(job.whole, lanes).to(**there)
+        self._f, self._k = (to_lanes(x, lanes).to(**there) for x in (carry, job.carry_k))
+        self._doubles = {"dtype": torch.float64, **there}
+        rows, whole = _rows(job.motion_slot), _rows(job.state_slot)
+        self.motion = self._empty(rows, self.batch, layout.n_motion)
+        self.state_f = self._empty(whole, self.batch, f)
+        self.state_k = torch.empty(whole, self.batch, k, dtype=torch.int64, **there)
+        self.stop = torch.full((count,), job.n_steps, dtype=torch.int32, **there)
+        self.cause = torch.zeros(count, dtype=torch.int32, **there)
         table, row, instant = job.noise or (torch.zeros(0), torch.zeros(0), torch.zeros(0))
-        self._noise = table.contiguous(), _padded(row.int(), self._groups * lanes), instant
+        self._instants = table.shape[1] if table.dim() == 3 else 0
+        fixed = (
+            torch.tensor([job.limit], dtype=torch.float64), job.clock, job.segment_of, table,
+            padded(row.int(), count), instant, job.motion_slot, job.state_slot,
+        )  # fmt: skip
+        self._fixed = [x.contiguous().to(**there) for x in fixed]
         self._stride = FINE
-        self._kept: tuple[Tensor, Tensor] | None = None
+        self._kept: tuple[Tensor | None, Tensor | None] = (None, None)
         if backward:
-            self._keep(f, k)
+            self._keep(groups, f, k)
 
-    def _keep(self, f: int, k: int) -> None:
+    def _empty(self, *shape: int) -> Tensor:
+        return torch.empty(shape, **self._doubles)
+
+    def _keep(self, groups: int, f: int, k: int) -> None:
         """Room for checkpoints: every FINE steps, or as far apart as memory asks."""
-        size = 8 * self._lanes * self._groups * (f + k)
+        size = 8 * self._lanes * groups * (f + k)
         steps = self.job.n_steps
         while self._stride < steps and -(-steps // self._stride) * size > self.job.tape_memory:
             self._stride *= 2
         count = -(-steps // self._stride)
-        shape = (count, self._groups)
-        self._kept = (
-            torch.empty(*shape, f, self._lanes, dtype=torch.float64),
-            torch.empty(*shape, k, self._lanes, dtype=torch.int64),
+        whole = torch.empty(
+            count, groups, k, self._lanes, dtype=torch.int64, device=self.job.device
         )
+        self._kept = (self._empty(count, groups, f, self._lanes), whole)
 
-    def _table(self, heap: Tensor, more: Sequence[Tensor | None] = ()) -> Tensor:
-        job = self.job
-        table, row, instant = self._noise
-        instants = table.shape[1] if table.dim() == 3 else 0
-        f, k = self._kept if self._kept is not None else (None, None)
-        numbers = [self.batch, self._groups, job.n_steps, instants, self._stride]
+    def _table(self, heap: Tensor, vectors: int, more: Sequence[Tensor | None]) -> Tensor:
+        """Numbers and pointers as `cpp/march.py` reads them."""
+        limit, clock, segment_of, table, row, instant, motion_slot, state_slot = self._fixed
+        numbers = [self.batch, self._groups, self.job.n_steps, self._instants, self._stride]
         tensors = [
-            self._limit, job.clock, self._constants, self._segments, job.segment_of, table, row,
-            instant, self._f, self._k, self.motion, job.motion_slot, self.state_f, self.state_k,
-            job.state_slot, self.stop, self.cause, f, k, heap, self._whole,
+            limit, clock, self._constants, self._segments, segment_of, table, row, instant,
+            self._f, self._k, self.motion, motion_slot, self.state_f, self.state_k, state_slot,
+            self.stop, self.cause, *self._kept, heap, self._whole,
         ]  # fmt: skip
         pointers = [0 if t is None else t.data_ptr() for t in tensors]
-        pointers.append(0)  # all groups of a core share its working memory
+        # The groups of a core share its working memory, those of a GPU have each their own.
+        pointers.append(0 if self.job.device == "cpu" else vectors)
         pointers += [0 if t is None else t.data_ptr() for t in more]
         packed = struct.pack(f"{len(numbers) + len(pointers)}Q", *numbers, *pointers)
-        return torch.frombuffer(bytearray(packed), dtype=torch.int64)
+        return torch.frombuffer(bytearray(packed), dtype=torch.int64).to(self.job.device)
 
     def _heap(self, vectors: int) -> Tensor:
-        bytes_ = 8 * self._lanes * vectors
-        if bytes_ > 4 * ROOM:
+        users = 1 if self.job.device == "cpu" else self._groups
+        size = 8 * self._lanes * vectors
+        if size > 4 * ROOM:
             raise KernelError(
-                f"a step of this size needs {bytes_ / 2**30:.1f} GiB of working memory on each "
+                f"a step of this size needs {size / 2**30:.1f} GiB of working memory on each "
                 f"core; the compiled engine's limit is {4 * ROOM / 2**30:.0f} GiB: "
                 "fewer slots or neurons, or engine='torch'"
             )
-        return torch.empty(max(vectors, 1) * self._lanes, dtype=torch.float64)
+        return self._empty(max(vectors, 1) * self._lanes * users)
 
     @torch_on_one_thread()
     def forward(self) -> None:
         """All steps."""
         job = self.job
         text = job.program.forward(self._lanes)
-        launches = self._launches(kernel(text.text, self._lanes), text.heap, ())
+        launches = self._launches(kernel(text.text, self._lanes, job.device), text.heap, ())
         stride = max(FINE, LAUNCH_WORK * len(self._shares) // self.batch)
         if job.progress is None and job.n_steps < 2 * stride:
             stride = max(job.n_steps, 1)
         for first in range(0, job.n_steps, stride):
             last = min(first + stride, job.n_steps)
-            _all(launches, first, last)
+            with on_stream(job.device):
+                run_all(launches, first, last)
             if job.progress is not None:
                 job.progress(last - first)
 
@@ -198,7 +158,7 @@ class Marcher:
         self, made: Kernel, heap: int, more: Sequence[Tensor | None]
     ) -> list[Callable[[int, int], None]]:
         rooms = [self._heap(heap) for _ in self._shares]
-        tables = [self._table(room, more) for room in rooms]
+        tables = [self._table(room, heap, more) for room in rooms]
         self._alive = (rooms, tables, more)  # the kernels see addresses alone
         return [
             made.prepared(table, *share) for table, share in zip(tables, self._shares, strict=True)
@@ -211,51 +171,33 @@ class Marcher:
         """Gradients of wanted constants (B, P), segments (S, B, Q) and the first carry (B, F)."""
         job, lanes = self.job, self._lanes
         text = job.program.backward(lanes, *job.wanted)
-        made = kernel(text.text, lanes)
+        made = kernel(text.text, lanes, job.device)
         P = len(job.program.constant_columns(job.wanted[0]))
         Q = len(job.program.segment_columns(job.wanted[1]))
         adj = torch.zeros_like(self._f)
         found_c = adj.new_zeros(self._groups, P, lanes)
         found_s = adj.new_zeros(len(self._segments), self._groups, Q, lanes)
-        given = [None if g is None else g.contiguous() for g in (motion, state)]
+        given = [None if g is None else g.contiguous().to(job.device) for g in (motion, state)]
         f, k = job.program.layout.size("f"), job.program.layout.size("k")
         heap = text.heap + (self._stride // FINE) * (f + k)
         launches = self._launches(made, heap, (adj, found_c, found_s, *given))
         blocks = -(-job.n_steps // self._stride)
         span = max(1, LAUNCH_WORK * len(self._shares) // (4 * self.batch * self._stride))
         for last in range(blocks, 0, -span):
-            _all(launches, max(0, last - span), last)
-        return (
-            from_lanes(found_c, self.batch),
-            from_lanes(found_s, self.batch),
-            from_lanes(adj, self.batch),
-        )
+            with on_stream(job.device):
+                run_all(launches, max(0, last - span), last)
+        found = (from_lanes(x, self.batch).cpu() for x in (found_c, found_s, adj))
+        constants, segments, first_carry = found
+        return constants, segments, first_carry
 
     def last(self) -> tuple[Tensor, Tensor]:
         """The carry after the last step, (B, F) and (B, K)."""
-        return from_lanes(self._f, self.batch), from_lanes(self._k, self.batch)
+        return from_lanes(self._f, self.batch).cpu(), from_lanes(self._k, self.batch).cpu()
 
     def forget_outputs(self) -> None:
         """Let go of the outputs, which refer back to this object through their gradient."""
         self.motion, self.state_f = self.motion[:0], self.state_f[:0]
 
 
-def _all(launches: Sequence[Callable[[int, int], None]], first: int, last: int) -> None:
-    """One launch on each core."""
-    if len(launches) == 1:
-        launches[0](first, last)
-        return
-    done = [pool(len(launches)).submit(launch, first, last) for launch in launches]
-    wait(done)
-    for future in done:
-        future.result()
-
-
 def _rows(slots: Tensor) -> int:
     return int(slots.max()) + 1
-
-
-def _padded(row: Tensor, count: int) -> Tensor:
-    if len(row) in (0, count):
-        return row
-    return torch.cat([row, row[-1:].expand(count - len(row))])

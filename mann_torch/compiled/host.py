@@ -15,7 +15,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
 
 import torch
@@ -176,3 +176,12 @@ def _build(text: str, lanes: int, device: str) -> Any:
 def _refusal(device: str, error: Exception) -> KernelError:
     cause = str(error).strip().splitlines() or ["no message"]
     return KernelError(f"the compiled kernel cannot be built on {device}: {cause[0]}")
+
+
+def on_stream(device: str) -> AbstractContextManager[Any]:
+    """On a GPU, Warp works on torch's current stream."""
+    if device == "cpu":
+        return nullcontext()
+    import warp as wp
+
+    return wp.ScopedStream(wp.stream_from_torch(torch.cuda.current_stream(device)))

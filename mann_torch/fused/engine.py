@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import wait
-from contextlib import AbstractContextManager, nullcontext
 from itertools import pairwise
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from ..compiled.engine import pool, torch_on_one_thread
+from ..compiled.cores import pool, torch_on_one_thread
+from ..compiled.host import on_stream
 from .form import N_EVENT
 from .job import AS_THEY_ARE, CARRIED, KEPT, MOTION, PARAMETERS, Inputs, Job
 from .kernels import Launch, kernel
@@ -134,7 +134,7 @@ class Marcher:
         progress: Callable[[int], object] | None = None,
     ) -> None:
         """Steps first to last of every sample: a launch per core, or one on a GPU."""
-        with _stream(self.job.device):
+        with on_stream(self.job.device):
             if self.job.device != "cpu":
                 launch(first, last, 0, self.batch)
                 if progress is not None:
@@ -220,12 +220,3 @@ class Marcher:
             for name in back:
                 if f"{name}_out" in given:
                     back[name] += given[f"{name}_out"][0]
-
-
-def _stream(device: str) -> AbstractContextManager[Any]:
-    """On a GPU, Warp works on torch's current stream."""
-    if device == "cpu":
-        return nullcontext()
-    import warp as wp
-
-    return wp.ScopedStream(wp.stream_from_torch(torch.cuda.current_stream(device)))

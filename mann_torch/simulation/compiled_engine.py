@@ -90,6 +90,7 @@ def run(task: Task) -> Record:
         tape_memory=task.tape_memory,
         wanted=(wanted, moving),
         progress=task.progress,
+        device="cuda:0" if task.device == "cuda" else task.device,
     )
     tensors = (
         _flat([c for c, f in zip(constants, floating, strict=True) if f], task),

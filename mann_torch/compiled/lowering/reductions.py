@@ -139,7 +139,9 @@ def _layer_norm(
     mean = _mean(g, "f", x, dims, True)
     apart = pointwise(g, "sub", [x, mean], "f")
     spread = _mean(g, "f", pointwise(g, "mul", [apart, apart], "f"), dims, True)
-    deviation = pointwise(g, "sqrt", [pointwise(g, "add", [spread, g.full(eps, (), "f")], "f")], "f")
+    deviation = pointwise(
+        g, "sqrt", [pointwise(g, "add", [spread, g.full(eps, (), "f")], "f")], "f"
+    )
     scale = pointwise(g, "reciprocal", [deviation], "f")
     found = pointwise(g, "mul", [apart, scale], "f")
     if weight is not None:
