@@ -14,8 +14,9 @@ ALLOWED = {
     "control": BASE | {"memory"},
     "plants": BASE,
     "signals": BASE,
-    "fused": BASE | {"memory", "control", "plants", "signals"},
-    "simulation": BASE | {"memory", "control", "plants", "signals", "fused"},
+    "compiled": {"errors"},
+    "fused": BASE | {"compiled", "memory", "control", "plants", "signals"},
+    "simulation": BASE | {"compiled", "memory", "control", "plants", "signals", "fused"},
     "metrics": BASE | {"simulation"},
     "statistics": BASE,
     "figures": BASE,
@@ -65,7 +66,9 @@ def test_one_file_imports_torchdiffeq_and_none_hydra_or_tensorboard() -> None:
     for path in (ROOT / "mann_torch").rglob("*.py"):
         for name in imported_parts(path) & set(users):
             users[name].append(path.name)
-    assert set(users.pop("warp")) <= {p.name for p in (ROOT / "mann_torch/fused").rglob("*.py")}
+    hosts = [*(ROOT / "mann_torch/fused").rglob("*.py")]
+    hosts += (ROOT / "mann_torch/compiled/host").glob("*.py")
+    assert set(users.pop("warp")) <= {p.name for p in hosts}
     assert users == {"torchdiffeq": ["odeint.py"], "hydra": [], "tensorboard": []}
 
 
@@ -88,3 +91,16 @@ def test_files_stay_readable() -> None:
     for folder in ("mann_torch", "experiments"):
         for path in (ROOT / folder).rglob("*.py"):
             assert len(path.read_text().splitlines()) <= 250, path
+
+
+def test_one_file_touches_torchs_tracing_internals() -> None:
+    """What moves between torch's versions is in one place."""
+    words = ("proxy_tensor", "torch._decomp", "torch.func.functionalize", "_reparametrize_module")
+    words += ("torch._C._are_functorch", "forward_ad")
+    users = {
+        path.relative_to(ROOT / "mann_torch").as_posix()
+        for path in (ROOT / "mann_torch").rglob("*.py")
+        if any(word in path.read_text() for word in words)
+    }
+    assert users <= {"compiled/trace/tracing.py", "simulation/fused_engine.py"}
+    assert "compiled/trace/tracing.py" in users

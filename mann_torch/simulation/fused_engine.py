@@ -8,8 +8,8 @@ from typing import cast
 
 import torch
 from torch import Tensor
-from torch.autograd import forward_ad
 
+from ..compiled import transformed
 from ..control import MannController
 from ..errors import ConfigError
 from ..fused import LEAVES, Grid, Job, Kept, form_of, march, missing, unfused_part
@@ -39,7 +39,7 @@ def obstacle(loop: ClosedLoop, scenario: Scenario, solver: Solver) -> str | None
         return f"solver {solver.name} has no fused form"
     if any(module._forward_hooks or module._forward_pre_hooks for module in loop.modules()):
         return "forward hooks are not called by the fused engine"
-    if torch._C._are_functorch_transforms_active() or forward_ad._current_level >= 0:
+    if transformed():
         return "torch.func and forward-mode differentiation need the torch engine"
     return unfused_part(loop.plant, loop.controller, scenario.reference) or missing()
 

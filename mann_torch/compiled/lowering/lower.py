@@ -75,7 +75,7 @@ def _called(g: Graph, traced: Traced, values: dict[Traced, Any], constants: Cons
             raise NotImplementedError(f"operation {name} has no compiled form")
         _check_precision(name, traced, own)
         return _lowered(g, traced, values, function, tensors[0])
-    except (Untraceable, NotImplementedError, TypeError) as error:
+    except Exception as error:  # also forms of an operation that its lowering did not foresee
         if traced in constants:
             return _constant(g, constants.of(traced))
         text = str(error) if name in str(error) else f"{name}: {error}"

@@ -117,7 +117,7 @@ def _cat(g: Graph, kind: str, parts: Sequence[Node], dim: int = 0) -> Node:
 
 @lowers("flip.default")
 def _flip(g: Graph, kind: str, x: Node, dims: Sequence[int]) -> Node:
-    for d in dims:
+    for d in dims if x.shape else ():
         d = _dim(x, d)
         x = narrow(g, x, d, x.shape[d] - 1, x.shape[d], -1)
     return x
