@@ -16,7 +16,7 @@ from pathlib import Path
 
 import torch
 
-from mann_torch.compiled.host import lanes_here
+from mann_torch.compiled.host.kernels import lanes_here
 
 from . import benchmark_lines, benchmark_parts, benchmark_start, benchmark_versus
 from .benchmark_curves import precision, scaling

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any
 
-from mann_torch.compiled.host import lanes_here
+from mann_torch.compiled.host.kernels import lanes_here
 
 from .benchmark_measure import (
     MISSING,

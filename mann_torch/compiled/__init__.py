@@ -1,19 +1,20 @@
 """Any traced step, compiled: forwards and backwards, in lanes and on all cores.
 
-A row of passes: `tracing` (torch function -> fx graph) -> `lowering` (-> nodes, `graph`, `views`,
-`arithmetic`) -> `cpp` (-> C++ text: plan, writer, time loop) -> `host` (Warp: -> kernel, `cache`)
--> `engine` (lanes, cores, checkpoints) -> `autograd`. Nothing here knows an arm, an attention or a
-controller: a step is a function of lists of tensors (`layout`). Warp is imported when a kernel is
-first made.
+A row of passes, a room each: `trace` (torch function -> fx graph) -> `lowering` (-> nodes, which
+`graph` simplifies) -> `cpp` (-> C++ text, in the arithmetic of `lanes`) -> `march` (the time loop
+around it, checkpoints, autograd) -> `host` (Warp: text -> kernel, and its cache). Nothing here
+knows an arm, an attention or a controller: a step is a function of lists of tensors (`Layout`).
+Warp is imported when a kernel is first made.
 """
 
-from .autograd import Marched, march
-from .engine import Job
-from .frozen import frozen
-from .host import missing
-from .layout import Layout, Leaf
-from .program import Program
-from .tracing import Untraceable, transformed, with_tensors
+from .host.kernels import missing
+from .march.autograd import Marched, march
+from .march.engine import Job
+from .march.layout import Layout, Leaf
+from .march.program import Program
+from .trace.frozen import frozen
+from .trace.telling import UntraceableError
+from .trace.tracing import transformed, with_tensors
 
 __all__ = [
     "Job",
@@ -21,7 +22,7 @@ __all__ = [
     "Leaf",
     "Marched",
     "Program",
-    "Untraceable",
+    "UntraceableError",
     "frozen",
     "march",
     "missing",

@@ -10,8 +10,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ..compiled.cores import pool, torch_on_one_thread
-from ..compiled.host import on_stream
+from ..compiled.host.kernels import on_stream
+from ..compiled.march.cores import pool, torch_on_one_thread
 from .form import N_EVENT
 from .job import AS_THEY_ARE, CARRIED, KEPT, MOTION, PARAMETERS, Inputs, Job
 from .kernels import Launch, kernel

@@ -8,7 +8,7 @@ from typing import Any
 
 from torch import Tensor
 
-from ..compiled.host import LOCK
+from ..compiled.host.kernels import LOCK
 from ..errors import KernelError
 from .form import Form
 

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from ..compiled import Job, Marched, Program, Untraceable, march, missing, transformed
-from ..compiled.agreement import check_agreement
-from ..compiled.fingerprint import Fingerprint
+from ..compiled import Job, Marched, Program, UntraceableError, march, missing, transformed
+from ..compiled.march.agreement import check_agreement
+from ..compiled.trace.fingerprint import Fingerprint
 from ..signals import Reference
 from ..trees import leaves, map_tensors, rebuilt
 from ..types import LoopState
@@ -35,7 +35,7 @@ log = logging.getLogger("mann_torch")
 REASON = "the step was traced and compiled"
 _KINDS = (Status.OK, Status.DIVERGED, Status.NOT_FINITE)
 #: Programs of this process by what they depend on, or why there is none.
-_PROGRAMS: dict[Hashable, tuple[Program | Untraceable, list[Any]]] = {}
+_PROGRAMS: dict[Hashable, tuple[Program | UntraceableError, list[Any]]] = {}
 _LOCK = threading.RLock()
 _MOST = 256
 
@@ -60,7 +60,7 @@ class _Rows(NamedTuple):
 
 
 def run(task: Task) -> Record:
-    """March the task. Raises `Untraceable`, with what stands in the way, or `KernelError`."""
+    """March the task. Raises `UntraceableError`, with what stands in the way, or `KernelError`."""
     reference = single_reference(task)
     loop_side, reference_side = loop_parts(task), reference_parts(task, reference)
     coefficients, template = _coefficients(task)
@@ -191,14 +191,14 @@ def _program(task: Task, reference: Reference, step: LoopStep, rows: _Rows) -> P
             noise = [torch.zeros(n, dtype=torch.float64) for (n,) in layout.noise]
             carry = [c[0].detach() for c in rows.carry]
             try:
-                made: Program | Untraceable = Program(
+                made: Program | UntraceableError = Program(
                     step, layout, [*clock, *one, *segment, *noise, *carry]
                 )
-            except Untraceable as error:
+            except UntraceableError as error:
                 made = error
             found = _PROGRAMS[key] = (made, prints.alive)
-    if isinstance(found[0], Untraceable):
-        raise Untraceable(str(found[0]))
+    if isinstance(found[0], UntraceableError):
+        raise UntraceableError(str(found[0]))
     return found[0]
 
 

@@ -173,10 +173,11 @@ class LoopStep:
         measured = scaled(noise[0], constants[last + 1]) if self._noise else None
         t, h, t_next, share = clock[:CLOCK]
         with with_tensors(self._loop, own), with_tensors(self._reference, signal):
+            rates = partial(flat_rates, self._loop, self._packer)
             y, mode, torque = advance(
-                self._loop, self._solver, self._packer, partial(flat_rates, self._loop, self._packer),
-                self._effort, t, h, self._packer.pack(rebuilt(self._state, state)), mode,
-                self._reference, rebuilt(self._coefficients, segments), measured,
+                self._loop, self._solver, self._packer, rates, self._effort,
+                t, h, self._packer.pack(rebuilt(self._state, state)), mode, self._reference,
+                rebuilt(self._coefficients, segments), measured,
             )  # fmt: skip
             after = self._packer.unpack(y)
             # t + h is where the solver's last stage was: its reference is not computed twice.

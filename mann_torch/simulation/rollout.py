@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 import torch
 
-from ..compiled import Untraceable
+from ..compiled import UntraceableError
 from ..errors import ConfigError, KernelError, ShapeError
 from ..functional import Numbers, as_float64
 from ..memory import relaxed
@@ -146,7 +146,7 @@ def rollout(
             return _trajectory(
                 task, fused_engine.run(task) if task.hybrid else compiled_engine.run(task)
             )
-        except (KernelError, Untraceable) as error:
+        except (KernelError, UntraceableError) as error:
             obstacle = str(error)
             if engine == "fused" or device != "cpu":
                 if isinstance(error, KernelError):

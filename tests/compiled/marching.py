@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from mann_torch.compiled import Job, Layout, Leaf, Program, march
-from mann_torch.compiled.agreement import row_of
+from mann_torch.compiled.march.agreement import row_of
 
 #: A function of named tensors of one sample.
 Function = Callable[[dict[str, Tensor]], Tensor]
@@ -77,9 +77,7 @@ class Together:
         examples += [example[n] for n in names[first:]]
         self.program = Program(step, layout, examples)
         self.wanted = tuple(
-            i
-            for i, leaf in enumerate(self.program.layout.constants)
-            if leaf.kind == "f"
+            i for i, leaf in enumerate(self.program.layout.constants) if leaf.kind == "f"
         )
 
     def run(self, inputs: Inputs, weights: Tensor | None = None) -> tuple[Tensor, ...]:
@@ -133,9 +131,7 @@ class Together:
         """Gradients by input's name, from the last two results of `run`."""
         layout, program = self.program.layout, self.program
         names = list(inputs.constants)
-        gradients = {
-            n: torch.zeros_like(v) for n, v in inputs.all.items() if v.is_floating_point()
-        }
+        gradients = {n: torch.zeros_like(v) for n, v in inputs.all.items() if v.is_floating_point()}
         for i, number in enumerate(program.used):
             name, (array, offset) = names[number], layout.constant_places[i]
             if array == "constant":
@@ -154,9 +150,7 @@ def eager_gradients(
     function: Function, sample: dict[str, Tensor], weights: Tensor
 ) -> tuple[Tensor, dict[str, Tensor]]:
     """Value and vector-Jacobian product in eager torch."""
-    given = {
-        n: v.detach().clone().requires_grad_(v.is_floating_point()) for n, v in sample.items()
-    }
+    given = {n: v.detach().clone().requires_grad_(v.is_floating_point()) for n, v in sample.items()}
     value = function(given)
     moving = {n: v for n, v in given.items() if v.requires_grad}
     if not value.requires_grad:

@@ -127,4 +127,6 @@ def _operation(draw: random.Random, values: dict[str, Tensor]) -> str:
     dims = values[x].dim()
     if kind == "m" and dims >= 2:
         return draw.choice(MATRIX).format(x)
-    return draw.choice(ALONG).format(x).replace("D", str(draw.randrange(-dims, dims) if dims else 0))
+    return (
+        draw.choice(ALONG).format(x).replace("D", str(draw.randrange(-dims, dims) if dims else 0))
+    )

@@ -15,7 +15,7 @@ import pytest
 import torch
 import warp as wp
 
-from mann_torch.compiled.lane_maths import lane_library, lane_types
+from mann_torch.compiled.lanes.library import lane_library, lane_types
 
 Points = np.ndarray
 LANES = (8, pytest.param(2, marks=pytest.mark.slow), pytest.param(4, marks=pytest.mark.slow))

@@ -214,7 +214,9 @@ def test_bad_options_are_named(options: dict, words: str) -> None:
 
 
 def test_without_warp_auto_goes_on_in_torch(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiled_engine, "missing", lambda: "warp-lang cannot be used (ImportError)")
+    monkeypatch.setattr(
+        compiled_engine, "missing", lambda: "warp-lang cannot be used (ImportError)"
+    )
     run = mt.rollout(make_loop("nn"), make_scenario(0.02))
     assert run.engine == "eager" and "warp-lang" in run.engine_reason
     with pytest.raises(mt.ConfigError, match="warp-lang"):

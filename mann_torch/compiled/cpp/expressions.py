@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ..graph import Node
+from ..graph.nodes import Node
 
 _SAME = "exp exp2 expm1 log log2 log10 log1p sin cos tan asin acos atan atan2 sinh cosh tanh asinh"
 _SAME += " acosh atanh sigmoid erf erfc pow sign floor ceil trunc round fmod remainder max min"
@@ -80,3 +80,8 @@ def double(text: str) -> str:
     if math.isinf(value):
         return "(1.0 / 0.0)" if value > 0 else "(-1.0 / 0.0)"
     return value.hex() if value else ("-0.0" if math.copysign(1.0, value) < 0 else "0.0")
+
+
+def type_of(kind: str) -> str:
+    """V for float64, M for integers and masks."""
+    return "V" if kind == "f" else "M"

@@ -6,31 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from ..arithmetic import POINTWISE
-from ..graph import IndexMap, Node, Shape, identity_maps, reachable, strides_of
+from ..graph.arithmetic import POINTWISE
+from ..graph.nodes import Node, Shape, reachable
+from .reads import LOOPS, Reads, stored_nodes
 
-#: Read where they are needed, without a buffer of their own.
-_FREE = ("input", "full", "iota", "table", "view", "reshape")
-#: Operations that read an operand again and again.
-_GREEDY = (
-    "gather",
-    "scatter",
-    "scatter_add",
-    "order",
-    "cumsum",
-    "cumprod",
-    "lu",
-    "lu_rows",
-    "lu_sign",
-    "lu_solve",
-    "cholesky",
-    "triangular",
-    "cummax",
-    "cummin",
-    "reshape",
-)
-#: Operations over the elements of their result, which can share a loop with others.
-_LOOPS = ("sum", "prod", "amax", "amin", "any", "all", "argmax", "argmin")
 #: No more statements than this in one loop.
 _CROWD = 40
 
@@ -69,127 +48,6 @@ def squeezed(shape: Shape) -> Shape:
     return tuple(n for n in shape if n != 1)
 
 
-def stored_nodes(order: Sequence[Node], outputs: Sequence[Node]) -> set[int]:
-    """Nodes with a value of their own; the others are written out where they are read.
-
-    A pointwise node read no more often than it has elements costs nothing there.
-    """
-    reads = dict.fromkeys((n.number for n in order), 0)
-    kept = {n.number for n in outputs}
-    for node in outputs:
-        if node.op in _FREE:
-            reads[node.number] += node.size
-    stored: set[int] = set()
-    for node in reversed(order):
-        times = reads[node.number]
-        if node.op in ("input", "full", "iota", "table"):
-            continue
-        if node.op in POINTWISE:
-            if node.number in kept or times > node.size:
-                stored.add(node.number)
-                times = node.size
-        elif node.op not in ("view", "reshape"):
-            stored.add(node.number)
-            times = node.size
-        for a in node.args:
-            if node.op in _GREEDY:
-                reads[a.number] += 2 * a.size + 1
-            elif node.op in _LOOPS or node.op == "cat":
-                reads[a.number] += a.size
-            else:
-                reads[a.number] += times
-    return stored
-
-
-class Reads:
-    """What each stored node reads, and whether element by element."""
-
-    def __init__(self, order: Sequence[Node], stored: set[int]) -> None:
-        self._stored = stored
-        self.of = {n.number: self._reads(n) for n in order if n.number in stored}
-
-    def below(self, x: Node) -> set[int]:
-        """Numbers of the stored nodes that a node without a value of its own is made of."""
-        found: dict[int, bool] = {}
-        self._walk(x, identity_maps(x.shape), None, found)
-        return set(found)
-
-    def _reads(self, node: Node) -> dict[int, bool]:
-        """Numbers of stored nodes read -> whether each only at the element that is computed."""
-        found: dict[int, bool] = {}
-        # A dimension of one element has no index.
-        own = linear(identity_maps(node.shape), node.shape)[1]
-        if node.op in POINTWISE:
-            for a in node.args:
-                self._walk(a, identity_maps(node.shape), own, found)
-        elif node.op in _LOOPS:
-            (a,) = node.args
-            self._walk(a, reduced_maps(node), own + (0,) * len(node.attributes), found)
-        else:
-            for a in node.args:
-                self._walk(a, identity_maps(a.shape), None, found)
-        return found
-
-    def _walk(
-        self,
-        x: Node,
-        maps: Sequence[IndexMap],
-        own: Shape | None,
-        found: dict[int, bool],
-    ) -> None:
-        if x.number in self._stored:
-            found[x.number] = found.get(x.number, True) and _is_own(maps, x.shape, own)
-        elif x.op == "view":
-            self._walk(x.args[0], [composed(m, maps) for m in x.attributes], own, found)
-        elif x.op == "reshape":
-            source = x.args[0]
-            if source.number in self._stored:
-                same = _is_own(maps, x.shape, own)
-                found[source.number] = found.get(source.number, True) and same
-        elif x.op in POINTWISE:
-            for a in x.args:
-                self._walk(a, maps, own, found)
-
-
-def _is_own(maps: Sequence[IndexMap], shape: Shape, own: Shape | None) -> bool:
-    """Whether maps reach the very element that is being computed, of linear index `own`."""
-    return own is not None and linear(maps, shape) == (0, own)
-
-
-def composed(inner: IndexMap, outer: Sequence[IndexMap]) -> IndexMap:
-    width = len(outer[0].steps) if outer else 0
-    offset = inner.offset + sum(s * m.offset for s, m in zip(inner.steps, outer, strict=True))
-    steps = [
-        sum(s * m.steps[i] for s, m in zip(inner.steps, outer, strict=True)) for i in range(width)
-    ]
-    return IndexMap(offset, tuple(steps))
-
-
-def linear(maps: Sequence[IndexMap], shape: Shape) -> tuple[int, tuple[int, ...]]:
-    """The linear index that maps reach in an array of this shape."""
-    width = len(maps[0].steps) if maps else 0
-    strides = strides_of(shape)
-    offset = sum(s * m.offset for s, m in zip(strides, maps, strict=True))
-    steps = tuple(
-        sum(s * m.steps[i] for s, m in zip(strides, maps, strict=True)) for i in range(width)
-    )
-    return offset, steps
-
-
-def reduced_maps(node: Node) -> list[IndexMap]:
-    """Indices of a reduction's operand from those of its result and those it sums over."""
-    (a,) = node.args
-    dims = node.attributes
-    kept = [d for d in range(len(a.shape)) if d not in dims]
-    width = len(a.shape)
-    maps = []
-    for d in range(width):
-        place = len(kept) + dims.index(d) if d in dims else kept.index(d)
-        one = a.shape[d] == 1
-        maps.append(IndexMap(0, tuple(int(i == place and not one) for i in range(width))))
-    return maps
-
-
 def make_plan(outputs: Sequence[Output]) -> Plan:
     """A schedule: scalars as soon as they can be, and loops with as much in them as fits."""
     results = [o.node for o in outputs]
@@ -226,7 +84,7 @@ def _grouped(units: list[Node], reads: Reads) -> list[Group]:
 
 
 def _shares(node: Node) -> bool:
-    return node.op in POINTWISE or node.op in _LOOPS
+    return node.op in POINTWISE or node.op in LOOPS
 
 
 def _fill(group: Group, left: list[Node], reads: Reads, done: set[int]) -> None:

@@ -1,6 +1,6 @@
 """From torch operations to the compiler's nodes: one function an operation, by its name."""
 
-from . import creation, indexing, linear, ordering, pointwise, reductions, rounding, shapes
+from ..lowering import creation, indexing, linear, ordering, pointwise, reductions, rounding, shapes
 from .lower import lower
 
 __all__ = [

@@ -10,7 +10,7 @@ from torch.fx import GraphModule
 from torch.fx import Node as Traced
 from torch.fx.node import map_arg
 
-from ..tracing import attribute_of
+from ..trace.tracing import attribute_of
 
 
 def random(traced: Traced) -> bool:
@@ -53,8 +53,8 @@ class Constants:
     def _computed(self, node: Traced) -> Any:
         if node.op == "get_attr":
             return attribute_of(self._made, str(node.target))
-        args = map_arg(node.args, self._values.__getitem__)
-        keywords = map_arg(node.kwargs, self._values.__getitem__)
+        args: Any = map_arg(node.args, self._values.__getitem__)
+        keywords: Any = map_arg(node.kwargs, self._values.__getitem__)
         if node.target is operator.getitem:
             return args[0][args[1]]
         with torch.no_grad():

@@ -6,10 +6,11 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from ..arithmetic import broadcast, pointwise
-from ..graph import Graph, Node, Shape
-from ..tracing import Untraceable
-from ..views import cat, expand, narrow, permute, reshape
+from ..graph.arithmetic import broadcast, pointwise
+from ..graph.nodes import Graph, Node, Shape
+from ..graph.reshapes import expand, narrow, permute, reshape
+from ..graph.views import cat
+from ..trace.telling import UntraceableError
 from .registry import as_kind, lowers
 from .shapes import turned
 
@@ -24,7 +25,7 @@ def gather(g: Graph, kind: str, x: Node, dim: int, index: Node, **_: Any) -> Nod
         if d != dim:
             x = narrow(g, x, d, 0, size)
     row, back = turned(g, x, dim)
-    at, _ = turned(g, index, dim)
+    at = turned(g, index, dim)[0]
     return permute(g, g.node("gather", (row, at), at.shape, x.kind), back)
 
 
@@ -41,7 +42,7 @@ def scattered(g: Graph, op: str, x: Node, dim: int, index: Node, new: Node) -> N
             rest = narrow(g, x, d, size, x.shape[d] - size)
             return cat(g, [scattered(g, op, first, dim, index, new), rest], d)
     row, back = turned(g, x, dim)
-    at, _ = turned(g, index, dim)
+    at = turned(g, index, dim)[0]
     put, _ = turned(g, new, dim)
     return permute(g, g.node(op, (row, at, put), row.shape, x.kind), back)
 
@@ -80,7 +81,7 @@ class _Indexed(NamedTuple):
 
     joined: Node
     dim: int
-    index: Node  # spread over all other dimensions
+    along: Node  # spread over all other dimensions
     order: list[int]  # of x's dimensions before they were joined
     shape: Shape  # of the result
 
@@ -89,7 +90,7 @@ def _indexed(g: Graph, x: Node, indices: Sequence[Node | None]) -> _Indexed:
     places = [d for d, i in enumerate(indices) if i is not None]
     chosen = [i for i in indices if i is not None]
     if any(i.kind == "b" for i in chosen):
-        raise Untraceable("indexing by a mask: its size depends on data; use torch.where")
+        raise UntraceableError("indexing by a mask: its size depends on data; use torch.where")
     order = list(range(len(x.shape)))
     if places != list(range(places[0], places[-1] + 1)):  # what they choose comes first
         order = places + [d for d in order if d not in places]
@@ -115,7 +116,7 @@ def _indexed(g: Graph, x: Node, indices: Sequence[Node | None]) -> _Indexed:
 @lowers("index.Tensor", "_unsafe_index.Tensor")
 def _index(g: Graph, kind: str, x: Node, indices: Sequence[Node | None]) -> Node:
     found = _indexed(g, x, indices)
-    return reshape(g, gather(g, kind, found.joined, found.dim, found.index), found.shape)
+    return reshape(g, gather(g, kind, found.joined, found.dim, found.along), found.shape)
 
 
 @lowers("index_put.default", "_unsafe_index_put.default", "_index_put_impl.default")
@@ -135,9 +136,9 @@ def _index_put(
         parts = [reshape(g, masks[0], shape), reshape(g, new, ()), x]
         return pointwise(g, "where", parts, kind)
     found = _indexed(g, x, indices)
-    values = reshape(g, expand(g, new, found.shape), found.index.shape)
+    values = reshape(g, expand(g, new, found.shape), found.along.shape)
     op = "scatter_add" if accumulate else "scatter"
-    put = scattered(g, op, found.joined, found.dim, found.index, values)
+    put = scattered(g, op, found.joined, found.dim, found.along, values)
     turned_back = [found.order.index(d) for d in range(len(found.order))]
     return permute(g, reshape(g, put, [x.shape[d] for d in found.order]), turned_back)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..arithmetic import broadcast, pointwise, reduce
-from ..graph import Graph, Node, Shape
-from ..views import expand, narrow, permute, reshape
+from ..graph.arithmetic import broadcast, pointwise, reduce
+from ..graph.nodes import Graph, Node, Shape
+from ..graph.reshapes import expand, narrow, permute, reshape
 from .registry import as_kind, lowers
 from .shapes import _diagonal
 

@@ -11,8 +11,8 @@ import torch
 from torch.fx import GraphModule
 from torch.fx import Node as Traced
 
-from ..graph import Graph, Node
-from ..tracing import Untraceable, source_of
+from ..graph.nodes import Graph, Node
+from ..trace.telling import UntraceableError, source_of
 from .constants import Constants, random
 from .registry import KIND_OF, LOWERINGS, kind_of
 
@@ -20,7 +20,7 @@ from .registry import KIND_OF, LOWERINGS, kind_of
 def lower(g: Graph, made: GraphModule, inputs: Sequence[Node]) -> list[Node]:
     """The results of a trace whose placeholders are `inputs`.
 
-    Raises `Untraceable` for an operation without a lowering, by its name and source line.
+    Raises `UntraceableError` for an operation without a lowering, by its name and source line.
     """
     values: dict[Traced, Any] = {}
     constants = Constants(made)
@@ -34,8 +34,8 @@ def lower(g: Graph, made: GraphModule, inputs: Sequence[Node]) -> list[Node]:
             if traced.users:
                 values[traced] = _called(g, traced, values, constants)
         else:
-            (results,) = traced.args
-            return [_value(r, values) for r in results]  # type: ignore[union-attr]
+            results: Any = traced.args[0]
+            return [_value(r, values) for r in results]
     return []
 
 
@@ -79,18 +79,18 @@ def _called(g: Graph, traced: Traced, values: dict[Traced, Any], constants: Cons
         if traced in constants:
             return _constant(g, constants.of(traced))
         text = str(error) if name in str(error) else f"{name}: {error}"
-        raise Untraceable(text + source_of(traced)) from error
+        raise UntraceableError(text + source_of(traced)) from error
 
 
 def _tensors(name: str, traced: Traced) -> list[torch.Tensor]:
     """What torch says the results are like."""
     result = traced.meta.get("val")
-    tensors = list(result) if isinstance(result, (list, tuple)) else [result]
+    tensors: list[Any] = list(result) if isinstance(result, (list, tuple)) else [result]
     if not isinstance(tensors[0], torch.Tensor):
         what = f"a Python number made of data ({name}: `.item()`, `int(tensor)`)"
-        raise Untraceable(what + source_of(traced))
+        raise UntraceableError(what + source_of(traced))
     if random(traced):
-        raise Untraceable(f"{name} draws random numbers{source_of(traced)}")
+        raise UntraceableError(f"{name} draws random numbers{source_of(traced)}")
     return tensors
 
 
@@ -119,7 +119,7 @@ _CONSTANT = frozenset(_NAMES.split())
 
 
 def _check_precision(name: str, traced: Traced, dtype: torch.dtype) -> None:
-    """Raise `Untraceable` for arithmetic in anything but float64."""
+    """Raise `UntraceableError` for arithmetic in anything but float64."""
     if not (dtype.is_floating_point or dtype.is_complex) or dtype in KIND_OF:
         return
     operation = name.split(".")[0]
@@ -127,7 +127,7 @@ def _check_precision(name: str, traced: Traced, dtype: torch.dtype) -> None:
         operation == "_to_copy" and not traced.args[0].meta["val"].is_floating_point()  # type: ignore[union-attr]
     )
     if dtype != torch.float32 or not (operation in _CONSTANT or whole):
-        raise Untraceable(f"{name} computes in {dtype}, not in float64")
+        raise UntraceableError(f"{name} computes in {dtype}, not in float64")
 
 
 def _rounded(value: Any, dtype: torch.dtype) -> Any:

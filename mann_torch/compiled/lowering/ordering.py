@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..arithmetic import pointwise, reduce
-from ..graph import Graph, Node
-from ..views import narrow, permute, reshape
+from ..graph.arithmetic import pointwise, reduce
+from ..graph.nodes import Graph, Node
+from ..graph.reshapes import narrow, permute, reshape
 from .pointwise import isnan
 from .reductions import arg_extreme, kept
 from .registry import as_kind, common_kind, dims_of, lowers

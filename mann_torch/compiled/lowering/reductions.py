@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from ..arithmetic import pointwise, reduce
-from ..graph import Graph, Node
-from ..views import permute, reshape
+from ..graph.arithmetic import pointwise, reduce
+from ..graph.nodes import Graph, Node
+from ..graph.reshapes import permute, reshape
 from .registry import as_kind, dims_of, lowers
 from .shapes import turned
 

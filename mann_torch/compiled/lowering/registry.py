@@ -7,9 +7,9 @@ from typing import Any
 
 import torch
 
-from ..arithmetic import pointwise
-from ..graph import Graph, Node
-from ..tracing import Untraceable
+from ..graph.arithmetic import pointwise
+from ..graph.nodes import Graph, Node
+from ..trace.telling import UntraceableError
 
 #: (graph, operands, keywords, kind of the result) -> node, or a tuple of them.
 Lowering = Callable[..., Any]
@@ -29,11 +29,11 @@ def lowers(*names: str) -> Callable[[Lowering], Lowering]:
 
 
 def kind_of(dtype: torch.dtype) -> str:
-    """Our letter for a dtype; raises `Untraceable` for one that lanes do not have."""
+    """Our letter for a dtype; raises `UntraceableError` for one that lanes do not have."""
     kind = KIND_OF.get(dtype)
     if kind is None:
         if dtype != torch.int32:  # the others would wrap around soon
-            raise Untraceable(f"numbers of {dtype}: lanes hold float64, int64 and bool")
+            raise UntraceableError(f"numbers of {dtype}: lanes hold float64, int64 and bool")
         kind = "i"
     return kind
 

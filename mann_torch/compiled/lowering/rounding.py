@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..arithmetic import pointwise
-from ..graph import Graph, Node
+from ..graph.arithmetic import pointwise
+from ..graph.nodes import Graph, Node
 from .registry import as_kind, lowers
 
 

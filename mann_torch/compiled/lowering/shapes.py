@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from ..arithmetic import pointwise
-from ..graph import Graph, IndexMap, Node
-from ..views import cat, expand, narrow, permute, reshape, view
+from ..graph.arithmetic import pointwise
+from ..graph.nodes import Graph, IndexMap, Node
+from ..graph.reshapes import expand, narrow, permute, reshape
+from ..graph.views import cat, view
 from .registry import as_kind, lowers
 
 _END = 2**62

@@ -6,13 +6,14 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from ..lane_linear import linear_library
-from ..lane_maths import lane_library
-from ..lane_types import lane_types
-from ..layout import Layout
-from .march import BACKWARD, COMMON, FINE, FORWARD, GATHER, TOOLS
-from .plan import Output
-from .writer import Writer, type_of
+from ..cpp.expressions import type_of
+from ..cpp.plan import Output
+from ..cpp.writer import Writer
+from ..lanes.library import lane_library
+from ..lanes.linear import linear_library
+from ..lanes.types import lane_types
+from .layout import Layout
+from .loop_text import BACKWARD, COMMON, FINE, FORWARD, GATHER, TOOLS
 
 #: Bytes of arrays that a step may keep on the stack; beyond that they lie in the caller's memory.
 STACK = 256 * 1024

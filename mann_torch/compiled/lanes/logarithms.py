@@ -4,7 +4,7 @@ The series in s = f / (2 + f) and the splitting of ln 2 are fdlibm's (e_log.c). 
 weighted minimax fits (Lawson's iteration) in 60 digits.
 """
 
-from mann_torch.compiled.lane_polynomials import polynomial
+from .polynomials import polynomial
 
 # (log((1 + s) / (1 - s)) - 2 s) / s^3 in s^2, for (1 + s) / (1 - s) from sqrt(1/2) to sqrt(2).
 _LOG = (

@@ -11,13 +11,14 @@ import torch
 from torch import Tensor
 from torch.fx import GraphModule
 
-from .cpp.kernel import KernelText, Sizes, backward_text, forward_text
-from .cpp.plan import Output
-from .graph import Graph, Node, reachable
+from ..cpp.plan import Output
+from ..graph.nodes import Graph, Node, reachable
+from ..graph.views import forget_cuts
+from ..lowering import lower
+from ..trace.telling import UntraceableError
+from ..trace.tracing import told, trace, trace_vjp
+from .kernel_text import KernelText, Sizes, backward_text, forward_text
 from .layout import Layout, offsets
-from .lowering import lower
-from .tracing import Untraceable, told, trace, trace_vjp
-from .views import forget_cuts
 
 #: (clock, constants, segments, noise, carry) -> carry, each a list of tensors of one sample.
 Step = Callable[..., Sequence[Tensor]]
@@ -38,7 +39,7 @@ class Program:
 
     `given` is the layout of all that the step takes; constants it does not read are left out of
     `layout`, and `used` are the numbers of those that stay. `examples` are one sample's arguments.
-    Raises `Untraceable`.
+    Raises `UntraceableError`.
     """
 
     def __init__(self, step: Step, given: Layout, examples: Sequence[Tensor]) -> None:
@@ -92,7 +93,7 @@ class Program:
             nodes, self.layout.carry, self.layout.carry_places, strict=True
         ):
             if (node.shape, node.kind) != (leaf.shape, leaf.kind):
-                raise Untraceable(
+                raise UntraceableError(
                     f"a carried value turns from {leaf.kind}{leaf.shape} "
                     f"into {node.kind}{node.shape} in a step"
                 )

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
+from ..trace.telling import UntraceableError
 from .autograd import march
 from .engine import Job
 from .program import Program
-from .tracing import Untraceable
 
 #: Largest difference, relative to the largest entry of a value, that rounding explains.
 TOLERANCE = 1e-10
@@ -21,7 +21,7 @@ Wanted = tuple[tuple[int, ...], tuple[int, ...]] | None
 
 
 def check_agreement(program: Program, lanes: int, wanted: Wanted = None) -> None:
-    """Raise `Untraceable` unless one step of the compiled form gives what the function gives.
+    """Raise `UntraceableError` unless one step of the compiled form gives what the function gives.
 
     With `wanted` (numbers of constants and of segments), one vector-Jacobian product too. A number
     drawn in Python, or one that a module counts up, is baked into a trace: here it shows.
@@ -58,7 +58,8 @@ def _check_gradient(program: Program, lanes: int, wanted: Wanted) -> None:
         return tuple(results[i] for i in floating)
 
     with torch.inference_mode(False), torch.enable_grad():
-        results, pull = torch.func.vjp(moved, *(program.examples[i] for i in places))
+        pulled = torch.func.vjp(moved, *(program.examples[i] for i in places))
+        results, pull = pulled[0], pulled[1]
         generator = torch.Generator().manual_seed(0)
         given = tuple(torch.randn(r.shape, generator=generator, dtype=r.dtype) for r in results)
         expected = pull(given)
@@ -66,11 +67,11 @@ def _check_gradient(program: Program, lanes: int, wanted: Wanted) -> None:
         free = [t.clone().requires_grad_(True) for t in tensors]
         marched = march(job, *free)
         row = torch.cat([g.reshape(-1) for g in given])
-        found = torch.autograd.grad(marched.state_f, free, row.reshape(marched.state_f.shape))
+        slopes = torch.autograd.grad(marched.state_f, free, row.reshape(marched.state_f.shape))
     columns = [
-        found[0][0, program.constant_columns(constants)],
-        found[1][0, 0, program.segment_columns(segments)],
-        found[2][0],
+        slopes[0][0, program.constant_columns(constants)],
+        slopes[1][0, 0, program.segment_columns(segments)],
+        slopes[2][0],
     ]
     parts = torch.cat(columns).split([e.numel() for e in expected])
     mine = [part.reshape(e.shape) for part, e in zip(parts, expected, strict=True)]
@@ -137,13 +138,13 @@ def _largest(x: Tensor) -> float:
 def _compare(what: str, mine: Tensor, other: Tensor, scale: float) -> None:
     if not other.is_floating_point():
         if not torch.equal(mine.to(other.dtype), other):
-            raise Untraceable(f"{what} differs between the compiled step and eager torch")
+            raise UntraceableError(f"{what} differs between the compiled step and eager torch")
         return
     same = (mine == other) | (mine.isnan() & other.isnan())
     close = (mine - other).abs() <= TOLERANCE * scale
     if not bool((same | close).all()):
         worst = float(torch.where(same, 0.0, (mine - other).abs()).max())
-        raise Untraceable(
+        raise UntraceableError(
             f"{what} of the compiled step differs from eager torch by {worst:.1e} of {scale:.1e}: "
             "it may depend on a number that Python draws or counts"
         )

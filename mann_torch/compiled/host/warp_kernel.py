@@ -6,7 +6,7 @@ import warp as wp
 
 
 def declare(name: str, text: str, options: dict[str, Any]) -> Any:
-    """A kernel over groups of lanes: `text` is the body of a function of (table, g, first, last)."""
+    """A kernel over groups of lanes; `text` is a function's body of (table, g, first, last)."""
     body = "const unsigned long long* const table = (const unsigned long long*)pointers.data;\n"
 
     @wp.func_native(body + text)

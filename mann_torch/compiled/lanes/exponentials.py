@@ -4,7 +4,7 @@ Reduction after Cody and Waite, ln 2 split after fdlibm. Coefficients: weighted 
 (Lawson's iteration) in 60 digits, the leading ones rounded before the rest is fitted.
 """
 
-from mann_torch.compiled.lane_polynomials import polynomial
+from .polynomials import polynomial
 
 # (exp(r) - 1 - r) / r^2 for |r| <= ln(2) / 2.
 _EXP = (

@@ -3,16 +3,13 @@
 Everything that depends on torch's internals stands here: `make_fx`, functionalisation, the
 decomposition table, and how their failures are told. Tested with torch 2.10 to 2.13 in mind and on
 2.13; `tests/compiled/test_tracing.py` holds the canaries. Where tracing fails in another version,
-`Untraceable` is raised and loops run on the torch engine.
+`UntraceableError` is raised and loops run on the torch engine.
 """
 
 from __future__ import annotations
 
 import functools
-import linecache
-import os
 import threading
-import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -23,8 +20,8 @@ from torch import Tensor
 from torch.autograd import forward_ad
 from torch.fx import GraphModule, Node
 
-from ..errors import MannError
 from .choosing import Choosing
+from .telling import UntraceableError, explained, source_of
 
 #: A function of tensors to tensors, in flat lists.
 Function = Callable[[Sequence[Tensor]], Sequence[Tensor]]
@@ -33,107 +30,24 @@ _LOCK = threading.RLock()
 #: Whether a trace notes where its operations come from.
 _SOURCES: ContextVar[bool] = ContextVar("sources", default=False)
 Found = TypeVar("Found")
-_TORCH = os.path.dirname(torch.__file__)
-_HERE = os.path.dirname(__file__)
 
 #: Decomposed beyond the core operations.
-_MORE = [
-    "addcmul",
-    "addcdiv",
-    "linalg_vector_norm",
-    "_softmax",
-    "_softmax_backward_data",
-    "_log_softmax",
-    "_log_softmax_backward_data",
-    "sigmoid_backward",
-    "tanh_backward",
-    "mv",
-    "addmm",
-    "addmv",
-    "square",
-    "stack",
-    "norm",
-    "diag_embed",
-    "select_backward",
-    "slice_backward",
-    "softplus",
-    "softplus_backward",
-    "elu",
-    "elu_backward",
-    "silu",
-    "silu_backward",
-    "gelu",
-    "gelu_backward",
-    "leaky_relu",
-    "leaky_relu_backward",
-    "hardtanh",
-    "hardtanh_backward",
-    "log_sigmoid_forward",
-    "log_sigmoid_backward",
-    "mse_loss",
-    "huber_loss",
-    "smooth_l1_loss",
-    "clamp_min",
-    "clamp_max",
-    "lerp",
-    "logsumexp",
-    "baddbmm",
-    "dot",
-    "vdot",
-    "index_add",
-    "unsafe_split",
-    "rsub",
-    "std",
-    "var",
-    "var_mean",
-    "native_layer_norm_backward",
-    "trace",
-    "logit",
-    "logaddexp",
-    "hypot",
-    "nan_to_num",
-    "index_select",
-    "masked_fill",
-    "xlogy",
-    "sinc",
-    "heaviside",
-    "frac",
-    "threshold",
-    "threshold_backward",
-    "sgn",
-    "unfold_backward",
-    "glu",
-    "tril",
-    "triu",
-    "eye",
-    "diagonal_backward",
-    "roll",
-    "fill",
-    "zeros_like",
-    "ones_like",
-    "new_zeros",
-    "new_ones",
-    "new_full",
-    "new_empty",
-    "take_along_dim",
-    "cumprod_backward",
-    "deg2rad",
-    "rad2deg",
-    "addmv",
-    "mish",
-    "mish_backward",
-    "softshrink_backward",
-    "hardshrink_backward",
-    "native_group_norm",
-    "native_group_norm_backward",
-    "dist",
-]
+_MORE_NAMES = """
+addcmul addcdiv linalg_vector_norm _softmax _softmax_backward_data _log_softmax
+_log_softmax_backward_data sigmoid_backward tanh_backward mv addmm addmv square stack norm
+diag_embed select_backward slice_backward softplus softplus_backward elu elu_backward silu
+silu_backward gelu gelu_backward leaky_relu leaky_relu_backward hardtanh hardtanh_backward
+log_sigmoid_forward log_sigmoid_backward mse_loss huber_loss smooth_l1_loss clamp_min clamp_max
+lerp logsumexp baddbmm dot vdot index_add unsafe_split rsub std var var_mean
+native_layer_norm_backward trace logit logaddexp hypot nan_to_num index_select masked_fill xlogy
+sinc heaviside frac threshold threshold_backward sgn unfold_backward glu tril triu eye
+diagonal_backward roll fill zeros_like ones_like new_zeros new_ones new_full new_empty
+take_along_dim cumprod_backward deg2rad rad2deg addmv mish mish_backward softshrink_backward
+hardshrink_backward native_group_norm native_group_norm_backward dist
+"""
+_MORE = _MORE_NAMES.split()
 #: Kept whole: torch would write them in operations of its own, or round otherwise than it does.
 _WHOLE = ("rsqrt", "hypot", "var", "linspace", "logspace")
-
-
-class Untraceable(MannError):
-    """A step that cannot be compiled; the message says which operation, where, and why."""
 
 
 @functools.cache
@@ -156,7 +70,7 @@ def told(make: Callable[[], Found]) -> Found:
     """What `make` traces; if it can't, once more with source lines, which cost time."""
     try:
         return make()
-    except Untraceable:
+    except UntraceableError:
         token = _SOURCES.set(True)
         try:
             return make()
@@ -167,7 +81,7 @@ def told(make: Callable[[], Found]) -> Found:
 def trace(function: Function, examples: Sequence[Tensor]) -> GraphModule:
     """The operations of `function`; placeholders and results in the order of its flat lists.
 
-    Raises `Untraceable`; within `told` it names the source line.
+    Raises `UntraceableError`; within `told` it names the source line.
     """
 
     def cloned(*given: Tensor) -> tuple[Tensor, ...]:
@@ -182,7 +96,7 @@ def trace(function: Function, examples: Sequence[Tensor]) -> GraphModule:
 def _check_captured(
     made: GraphModule, function: Callable[..., Any], examples: Sequence[Tensor]
 ) -> None:
-    """Raise `Untraceable` if a trace holds a tensor that was there before it.
+    """Raise `UntraceableError` if a trace holds a tensor that was there before it.
 
     One that the function makes lies elsewhere when it is traced again.
     """
@@ -203,7 +117,7 @@ def _check_captured(
     for node in held:
         tensor = attribute_of(made, str(node.target))
         if tensor.numel() and tensor.data_ptr() in known:
-            raise Untraceable(
+            raise UntraceableError(
                 "a tensor that is neither parameter nor buffer would keep the numbers it has now"
                 + source_of(next(iter(node.users)))
             )
@@ -214,7 +128,7 @@ def trace_vjp(
 ) -> GraphModule:
     """Gradients to the inputs numbered `wanted`, from those of the results numbered `outputs`.
 
-    Placeholders: the inputs, then the gradients of the results. Raises `Untraceable`.
+    Placeholders: the inputs, then the gradients of the results. Raises `UntraceableError`.
     """
     count, wanted, outputs = len(examples), list(wanted), list(outputs)
     with torch.no_grad():
@@ -231,7 +145,7 @@ def trace_vjp(
             found = function(full)
             return tuple(found[i] for i in outputs)
 
-        _, pull = torch.func.vjp(forward, *(inputs[i] for i in wanted))
+        pull = torch.func.vjp(forward, *(inputs[i] for i in wanted))[1]
         with torch.no_grad():  # nobody differentiates the gradient: torch has shorter formulas
             return pull(tuple(gradients))
 
@@ -246,10 +160,10 @@ def _traced(function: Callable[..., Any], examples: Sequence[Tensor]) -> GraphMo
                 # Left by what torch itself is made of, below functionalisation.
                 with torch.fx.traceback.preserve_node_meta():
                     made = _pure(torch.fx.Interpreter(made).run, examples)
-    except Untraceable:
+    except UntraceableError:
         raise
     except Exception as error:  # of many kinds, few of them documented
-        raise Untraceable(_explained(error)) from error
+        raise UntraceableError(explained(error)) from error
     return made
 
 
@@ -269,61 +183,6 @@ def _pure(function: Callable[..., Any], examples: Sequence[Tensor]) -> GraphModu
 def _changes_operand(node: Node) -> bool:
     schema = getattr(node.target, "_schema", None)
     return schema is not None and schema.is_mutable
-
-
-def _explained(error: Exception) -> str:
-    """What stopped a trace, and the line of the user's code (or ours) it came from."""
-    text = " ".join(str(error).split())
-    if "data-dependent" in text or "GuardOnDataDependent" in type(error).__name__:
-        what = "a decision on data (`if tensor`, `bool(tensor)`, `.item()`)"
-    elif "convert all Tensors to FakeTensors" in text:
-        what = "a tensor that is neither parameter nor buffer"
-    elif isinstance(error, MannError):
-        what = text
-    else:
-        what = f"{type(error).__name__}: {text[:160]}"
-    return what + _where(error)
-
-
-def _where(error: BaseException) -> str:
-    place, module, tb = None, None, error.__traceback__
-    while tb is not None:
-        name = tb.tb_frame.f_code.co_filename
-        if not name.startswith((_TORCH, _HERE)) and not name.startswith("<"):
-            place = (name, tb.tb_lineno)
-            owner = tb.tb_frame.f_locals.get("self")
-            module = type(owner).__name__ if isinstance(owner, torch.nn.Module) else module
-        tb = tb.tb_next
-    if place is None:
-        return ""
-    line = linecache.getline(*place).strip()
-    inside = f" in {module}" if module else ""
-    return f"{inside}, {os.path.basename(place[0])}:{place[1]}: {line}"
-
-
-def source_of(node: Node) -> str:
-    """Where in the user's code an operation comes from; empty if it is not known."""
-    trail = node.meta.get("stack_trace") or ""
-    found = [
-        frame
-        for frame in traceback.StackSummary.from_list(_frames(trail))
-        if not frame.filename.startswith((_TORCH, _HERE))
-    ]
-    if not found:
-        return ""
-    last = found[-1]
-    return f", {os.path.basename(last.filename)}:{last.lineno}: {(last.line or '').strip()}"
-
-
-def _frames(trail: str) -> list[tuple[str, int, str, str]]:
-    frames, lines = [], trail.splitlines()
-    for i, line in enumerate(lines):
-        parts = line.strip().split('"')
-        if line.strip().startswith("File ") and len(parts) >= 3:
-            number = int("".join(c for c in parts[2].split(",")[1] if c.isdigit()) or 0)
-            code = lines[i + 1].strip() if i + 1 < len(lines) else ""
-            frames.append((parts[1], number, parts[2].split("in ")[-1], code))
-    return frames
 
 
 def attribute_of(made: GraphModule, name: str) -> Tensor:

@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from .graph import Graph, IndexMap, Node, Shape, number_of
-from .views import expand, view
+from .nodes import Graph, IndexMap, Node, Shape, number_of
+from .reshapes import expand
+from .views import view
 
 _NAMES = """
     add sub mul div neg abs sqrt square exp exp2 expm1 log log2 log10 log1p sin cos tan asin

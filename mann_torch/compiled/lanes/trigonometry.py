@@ -4,7 +4,7 @@ Cody and Waite's reduction by pi / 2 with fused products is good to 1e9; beyond,
 reduces lane by lane. Coefficients: weighted minimax fits (Lawson's iteration) in 60 digits.
 """
 
-from mann_torch.compiled.lane_polynomials import polynomial
+from .polynomials import polynomial
 
 # (sin(r) - r) / r^3 and (cos(r) - 1) / r^2 in r^2, for |r| <= pi / 4.
 _SIN = (

@@ -8,11 +8,11 @@ depend neither on the number of lanes nor on the other lanes. Errors are measure
 
 import re
 
-from mann_torch.compiled.lane_exponentials import EXPONENTIALS
-from mann_torch.compiled.lane_logarithms import LOGARITHMS
-from mann_torch.compiled.lane_special import SPECIAL
-from mann_torch.compiled.lane_trigonometry import TRIGONOMETRY
-from mann_torch.compiled.lane_types import check_lanes, lane_types, primitives
+from .exponentials import EXPONENTIALS
+from .logarithms import LOGARITHMS
+from .special import SPECIAL
+from .trigonometry import TRIGONOMETRY
+from .types import check_lanes, lane_types, primitives
 
 __all__ = ["lane_library", "lane_types"]
 

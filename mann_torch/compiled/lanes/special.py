@@ -5,7 +5,7 @@ erfc(a) = exp(-a^2) g(a) / (1 + 2 a), g a polynomial in (a - K) / (a + K), after
 Laframboise (1981). Coefficients: interpolation at Chebyshev nodes.
 """
 
-from mann_torch.compiled.lane_polynomials import polynomial
+from .polynomials import polynomial
 
 # (log((1 + s) / (1 - s)) - 2 s - 2/3 s^3) / s^5 in s^2, for (1 + s) / (1 - s) as in `log_`.
 _LOG_TAIL = (

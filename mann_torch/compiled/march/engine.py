@@ -10,10 +10,10 @@ from itertools import pairwise
 import torch
 from torch import Tensor
 
-from ..errors import KernelError
+from ...errors import KernelError
+from ..host.kernels import Kernel, kernel, on_stream
 from .cores import run_all, torch_on_one_thread
-from .cpp.march import FINE
-from .host import Kernel, kernel, on_stream
+from .loop_text import FINE
 from .packing import ROOM, from_lanes, lanes_for, padded, to_lanes
 from .program import Program
 
@@ -72,32 +72,30 @@ class Marcher:
         self._shares = [(low, high - low) for low, high in pairwise(edges)]
         count, groups = self._groups * lanes, self._groups
         f, k = layout.size("f"), layout.size("k")
-        there = {"device": job.device}
-        self._constants = to_lanes(constants, lanes).to(**there)
-        self._segments = to_lanes(segments, lanes).to(**there)
-        self._whole = to_lanes(job.whole, lanes).to(**there)
-        self._f, self._k = (to_lanes(x, lanes).to(**there) for x in (carry, job.carry_k))
-        self._doubles = {"dtype": torch.float64, **there}
+        self._constants = to_lanes(constants, lanes).to(job.device)
+        self._segments = to_lanes(segments, lanes).to(job.device)
+        self._whole = to_lanes(job.whole, lanes).to(job.device)
+        self._f, self._k = (to_lanes(x, lanes).to(job.device) for x in (carry, job.carry_k))
         rows, whole = _rows(job.motion_slot), _rows(job.state_slot)
         self.motion = self._empty(rows, self.batch, layout.n_motion)
         self.state_f = self._empty(whole, self.batch, f)
-        self.state_k = torch.empty(whole, self.batch, k, dtype=torch.int64, **there)
-        self.stop = torch.full((count,), job.n_steps, dtype=torch.int32, **there)
-        self.cause = torch.zeros(count, dtype=torch.int32, **there)
+        self.state_k = torch.empty(whole, self.batch, k, dtype=torch.int64, device=job.device)
+        self.stop = torch.full((count,), job.n_steps, dtype=torch.int32, device=job.device)
+        self.cause = torch.zeros(count, dtype=torch.int32, device=job.device)
         table, row, instant = job.noise or (torch.zeros(0), torch.zeros(0), torch.zeros(0))
         self._instants = table.shape[1] if table.dim() == 3 else 0
         fixed = (
             torch.tensor([job.limit], dtype=torch.float64), job.clock, job.segment_of, table,
             padded(row.int(), count), instant, job.motion_slot, job.state_slot,
         )  # fmt: skip
-        self._fixed = [x.contiguous().to(**there) for x in fixed]
+        self._fixed = [x.contiguous().to(job.device) for x in fixed]
         self._stride = FINE
         self._kept: tuple[Tensor | None, Tensor | None] = (None, None)
         if backward:
             self._keep(groups, f, k)
 
     def _empty(self, *shape: int) -> Tensor:
-        return torch.empty(shape, **self._doubles)
+        return torch.empty(shape, dtype=torch.float64, device=self.job.device)
 
     def _keep(self, groups: int, f: int, k: int) -> None:
         """Room for checkpoints: every FINE steps, or as far apart as memory asks."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from .host import lanes_here
+from ..host.kernels import lanes_here
 from .program import Program
 
 #: Bytes of working memory that one core may use before a group gets fewer lanes.

@@ -21,7 +21,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ..errors import KernelError
+from ...errors import KernelError
 from .cache import loaded_safely, temporary_folder
 
 log = logging.getLogger("mann_torch")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-from .graph import Graph, Node, Shape
+from ..graph.nodes import Graph, Node, Shape
 
 
 class Leaf(NamedTuple):

@@ -1,0 +1,1 @@
+"""The compiler's own graphs: nodes, and the constructors that simplify them."""

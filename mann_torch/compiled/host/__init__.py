@@ -1,0 +1,1 @@
+"""From C++ text to kernels that can be called: Warp, and its cache on disk."""

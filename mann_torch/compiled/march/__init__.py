@@ -1,0 +1,1 @@
+"""A step marched through time: layout, the loop around it, checkpoints, autograd."""
