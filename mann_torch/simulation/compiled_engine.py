@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Hashable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -14,20 +14,19 @@ from ..compiled import Job, Marched, Program, UntraceableError, march, missing, 
 from ..compiled.march.agreement import check_agreement
 from ..compiled.trace.fingerprint import Fingerprint
 from ..signals import Reference
-from ..trees import leaves, map_tensors, rebuilt
+from ..trees import rebuilt
 from ..types import LoopState
 from .closed_loop import ClosedLoop
+from .loop_rows import Rows, coefficient_leaves, task_rows
 from .loop_step import (
     LoopStep,
-    Part,
-    as_rows,
     loop_parts,
     reference_parts,
     single_reference,
 )
 from .scenario import Scenario
 from .solver import Solver
-from .step_grid import MERGE, counted_in, shares_of
+from .step_grid import MERGE, shares_of
 from .task import Effort, Record, Task
 from .trajectory import Status
 
@@ -51,22 +50,14 @@ def obstacle(loop: ClosedLoop, scenario: Scenario, solver: Solver) -> str | None
     return missing()
 
 
-class _Rows(NamedTuple):
-    """A task's tensors, a row a sample."""
-
-    constants: list[Tensor]  # each (B, *event)
-    segments: list[Tensor]  # each (S, B, *event)
-    carry: list[Tensor]  # each (B, *event)
-
-
 def run(task: Task) -> Record:
     """March the task. Raises `UntraceableError`, with what stands in the way, or `KernelError`."""
     reference = single_reference(task)
     loop_side, reference_side = loop_parts(task), reference_parts(task, reference)
-    coefficients, template = _coefficients(task)
+    coefficients, template = coefficient_leaves(task)
     names = [part.name for part in loop_side], [part.name for part in reference_side]
     step = LoopStep(task, reference, template, *names)
-    rows = _rows(task, step, [*loop_side, *reference_side], coefficients)
+    rows = task_rows(task, step, [*loop_side, *reference_side], coefficients)
     program = _program(task, reference, step, rows)
     constants = [rows.constants[i] for i in program.used]
     floating = [c.is_floating_point() for c in constants]
@@ -103,74 +94,7 @@ def run(task: Task) -> Record:
     return _record(task, step, program, found)
 
 
-def _coefficients(task: Task) -> tuple[list[list[Tensor]], Any]:
-    """Leaves (S of them, each a list (..., *event)) of the plant's coefficients, and their form.
-
-    A member that is None in some segments and not in others is 0 there.
-    """
-    batch, lookups = task.batch, [part.lookup for part in task.grid.segments]
-    found = []
-    for lookup in lookups:
-        parameters = task.scenario.parameters_at(torch.tensor(lookup, dtype=torch.float64))
-        wide = map_tensors(lambda p: p.expand((*batch, p.shape[-1])), parameters)
-        found.append(task.loop.plant.coefficients(wide))
-    members = [_members(c) for c in found]
-    merged: list[list[Tensor]] = [[] for _ in found]
-    places: list[bool] = []
-    for column in zip(*members, strict=True):
-        given = next((m for m in column if m is not None), None)
-        places.append(given is not None)
-        if given is not None:
-            for row, member in zip(merged, column, strict=True):
-                row.append(torch.zeros_like(given) if member is None else member)
-    return merged, _form(found[0], iter(places))
-
-
-def _members(tree: Any) -> list[Tensor | None]:
-    if tree is None or isinstance(tree, Tensor):
-        return [tree]
-    return [member for branch in tree for member in _members(branch)]
-
-
-def _form(tree: Any, places: Any) -> Any:
-    """The tree with a tensor where some segment has one."""
-    if tree is None or isinstance(tree, Tensor):
-        return torch.zeros(()) if next(places) else None
-    return type(tree)(*[_form(branch, places) for branch in tree])
-
-
-def _rows(
-    task: Task, step: LoopStep, parts: Sequence[Part], coefficients: Sequence[Sequence[Tensor]]
-) -> _Rows:
-    batch, depth = task.batch, len(task.batch)
-    constants = [part.rows for part in parts]
-    constants.append(as_rows(task.horizon, batch, 0))
-    if task.noise is not None:
-        constants.append(as_rows(task.noise.std, batch, 1))
-    columns = [
-        torch.stack([_batched(leaf, batch) for leaf in column])
-        for column in zip(*coefficients, strict=True)
-    ]
-    state = [leaf.reshape((batch.numel(), *leaf.shape[depth:])) for leaf in leaves(task.state)]
-    mode = [leaf.reshape((batch.numel(), *leaf.shape[depth:])) for leaf in leaves(task.mode)]
-    first = task.reference(torch.zeros((), dtype=torch.float64)).q - task.state.plant.q
-    count = counted_in(task.grid.times[:1], task.horizon)[0]
-    squared = (shares_of(task.grid.times)[0] * count).unsqueeze(-1) * first.square()
-    sums = [squared.reshape(len(state[0]), -1)]
-    if task.effort_after is not None:
-        sums += [torch.zeros_like(state[0])] * 3
-    return _Rows(constants, columns, step.join(state, sums, mode))
-
-
-def _batched(leaf: Tensor, batch: torch.Size) -> Tensor:
-    """A coefficient (..., *event), or one without batch dimensions, as (B, *event)."""
-    depth = len(batch)
-    if leaf.shape[:depth] != batch:
-        leaf = leaf.expand((*batch, *leaf.shape))
-    return leaf.reshape((batch.numel(), *leaf.shape[depth:]))
-
-
-def _program(task: Task, reference: Reference, step: LoopStep, rows: _Rows) -> Program:
+def _program(task: Task, reference: Reference, step: LoopStep, rows: Rows) -> Program:
     """The program of this step, made and compared with eager torch once a process."""
     one = [c[0].detach() for c in rows.constants]
     segment = [s[0, 0].detach() for s in rows.segments]

@@ -18,7 +18,8 @@ import torch
 import warp as wp
 import warp._src.build as warp_build
 
-from mann_torch.compiled import cache, host
+from mann_torch.compiled.host import cache
+from mann_torch.compiled.host import kernels as host
 from mann_torch.errors import KernelError
 
 TEXT = "{ long long* out = (long long*)table[0]; out[g] = 42 + first; }"
@@ -217,7 +218,7 @@ def test_what_is_old_goes(kept: Kept) -> None:
 
 START = f"""
 import os, signal, sys, time, torch
-from mann_torch.compiled import host
+from mann_torch.compiled.host import kernels as host
 import warp as wp, warp._src.build as warp_build
 
 def child(slow=False):

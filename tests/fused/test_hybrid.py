@@ -7,9 +7,9 @@ import torch
 
 import mann_torch as mt
 from tests.conftest import make_loop, make_scenario
-from tests.fused.loops import Case, case, freed
-from tests.fused.test_gradients import gradients
-from tests.fused.test_parity import assert_same, configured
+from tests.simulation.loops import Case, case, freed
+from tests.simulation.test_compiled_gradients import gradients
+from tests.simulation.test_compiled_parity import assert_same, configured
 from tests.simulation.test_hybrid import SWITCHING, check_against_differences, sequence
 
 #: The others are a minute of compiling each: `make check`.

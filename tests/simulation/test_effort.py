@@ -6,7 +6,7 @@ import pytest
 import torch
 
 import mann_torch as mt
-from tests.fused.loops import Case, case, freed
+from tests.simulation.loops import Case, case, freed
 
 ENGINES = ("torch", "fused")
 

@@ -12,7 +12,7 @@ import mann_torch as mt
 from mann_torch.simulation import EventCounts
 from mann_torch.trees import leaves
 from tests.conftest import generator, make_loop, make_scenario
-from tests.fused.loops import Case, case
+from tests.simulation.loops import Case, case
 
 BATCH = 8
 SWITCHING = (

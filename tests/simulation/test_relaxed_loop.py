@@ -8,7 +8,7 @@ import torch
 import mann_torch as mt
 from mann_torch.trees import leaves
 from tests.conftest import generator, make_loop, make_scenario
-from tests.fused.loops import case
+from tests.simulation.loops import case
 
 HARD = ("hard_state_keys", "reallocating_initial", "reallocating_always_state_keys")
 

@@ -12,12 +12,12 @@ import pytest
 import torch
 
 import mann_torch as mt
-from mann_torch.compiled import host
+from mann_torch.compiled.host import kernels as host
 from mann_torch.simulation import compiled_engine
 from mann_torch.types import Comparison, Measurement, PlantState
 from tests.conftest import generator, make_controller, make_loop, make_scenario
-from tests.fused.loops import case
-from tests.fused.test_parity import assert_same
+from tests.simulation.loops import case
+from tests.simulation.test_compiled_parity import assert_same
 
 
 class Lukewarm(mt.SoftAttention):

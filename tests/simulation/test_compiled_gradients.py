@@ -1,4 +1,4 @@
-"""Gradients of the fused engine: against torch's, against differences, and through segments."""
+"""Gradients of the compiled engine: against torch's, against differences, and through segments."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from torch import Tensor
 import mann_torch as mt
 from mann_torch.types import NetworkState
 from tests.conftest import make_loop
-from tests.fused.loops import NAMES, Case, case, freed
-from tests.fused.test_parity import configured
+from tests.simulation.loops import NAMES, Case, case, freed
+from tests.simulation.test_compiled_parity import configured
 
 
 def loss_of(run: mt.Trajectory) -> Tensor:

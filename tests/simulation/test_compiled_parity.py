@@ -16,7 +16,7 @@ from experiments.config import SimulateConfig
 from mann_torch.trees import leaves
 from mann_torch.types import NetworkState
 from tests.conftest import GOLDEN, randn
-from tests.fused.loops import NAMES, Case, case
+from tests.simulation.loops import NAMES, Case, case
 
 ENGINES = ("torch", "fused")
 

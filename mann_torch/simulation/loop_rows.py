@@ -1,0 +1,89 @@
+"""A task's tensors as the compiled step takes them: a row a sample."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+from ..trees import leaves, map_tensors
+from .loop_step import LoopStep, Part, as_rows
+from .step_grid import counted_in, shares_of
+from .task import Task
+
+
+class Rows(NamedTuple):
+    """A task's tensors, a row a sample."""
+
+    constants: list[Tensor]  # each (B, *event)
+    segments: list[Tensor]  # each (S, B, *event)
+    carry: list[Tensor]  # each (B, *event)
+
+
+def coefficient_leaves(task: Task) -> tuple[list[list[Tensor]], Any]:
+    """Leaves (S of them, each a list (..., *event)) of the plant's coefficients, and their form.
+
+    A member that is None in some segments and not in others is 0 there.
+    """
+    batch, lookups = task.batch, [part.lookup for part in task.grid.segments]
+    found = []
+    for lookup in lookups:
+        parameters = task.scenario.parameters_at(torch.tensor(lookup, dtype=torch.float64))
+        wide = map_tensors(lambda p: p.expand((*batch, p.shape[-1])), parameters)
+        found.append(task.loop.plant.coefficients(wide))
+    members = [_members(c) for c in found]
+    merged: list[list[Tensor]] = [[] for _ in found]
+    places: list[bool] = []
+    for column in zip(*members, strict=True):
+        given = next((m for m in column if m is not None), None)
+        places.append(given is not None)
+        if given is not None:
+            for row, member in zip(merged, column, strict=True):
+                row.append(torch.zeros_like(given) if member is None else member)
+    return merged, _form(found[0], iter(places))
+
+
+def _members(tree: Any) -> list[Tensor | None]:
+    if tree is None or isinstance(tree, Tensor):
+        return [tree]
+    return [member for branch in tree for member in _members(branch)]
+
+
+def _form(tree: Any, places: Any) -> Any:
+    """The tree with a tensor where some segment has one."""
+    if tree is None or isinstance(tree, Tensor):
+        return torch.zeros(()) if next(places) else None
+    return type(tree)(*[_form(branch, places) for branch in tree])
+
+
+def task_rows(
+    task: Task, step: LoopStep, parts: Sequence[Part], coefficients: Sequence[Sequence[Tensor]]
+) -> Rows:
+    batch, depth = task.batch, len(task.batch)
+    constants = [part.rows for part in parts]
+    constants.append(as_rows(task.horizon, batch, 0))
+    if task.noise is not None:
+        constants.append(as_rows(task.noise.std, batch, 1))
+    columns = [
+        torch.stack([_batched(leaf, batch) for leaf in column])
+        for column in zip(*coefficients, strict=True)
+    ]
+    state = [leaf.reshape((batch.numel(), *leaf.shape[depth:])) for leaf in leaves(task.state)]
+    mode = [leaf.reshape((batch.numel(), *leaf.shape[depth:])) for leaf in leaves(task.mode)]
+    first = task.reference(torch.zeros((), dtype=torch.float64)).q - task.state.plant.q
+    count = counted_in(task.grid.times[:1], task.horizon)[0]
+    squared = (shares_of(task.grid.times)[0] * count).unsqueeze(-1) * first.square()
+    sums = [squared.reshape(len(state[0]), -1)]
+    if task.effort_after is not None:
+        sums += [torch.zeros_like(state[0])] * 3
+    return Rows(constants, columns, step.join(state, sums, mode))
+
+
+def _batched(leaf: Tensor, batch: torch.Size) -> Tensor:
+    """A coefficient (..., *event), or one without batch dimensions, as (B, *event)."""
+    depth = len(batch)
+    if leaf.shape[:depth] != batch:
+        leaf = leaf.expand((*batch, *leaf.shape))
+    return leaf.reshape((batch.numel(), *leaf.shape[depth:]))
