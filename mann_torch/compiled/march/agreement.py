@@ -27,9 +27,16 @@ def check_agreement(program: Program, lanes: int, wanted: Wanted = None) -> None
     drawn in Python, or one that a module counts up, is baked into a trace: here it shows.
     """
     for key in ((lanes, None), (lanes, wanted)):
-        if key not in program.agreed:
-            (_check_step if key[1] is None else _check_gradient)(program, *key)
-            program.agreed.add(key)
+        if key not in program.verdicts:
+            try:
+                (_check_step if key[1] is None else _check_gradient)(program, *key)
+            except UntraceableError as error:
+                program.verdicts[key] = str(error)
+                raise
+            program.verdicts[key] = None
+        refusal = program.verdicts[key]
+        if refusal is not None:
+            raise UntraceableError(refusal)
 
 
 def _check_step(program: Program, lanes: int, _: Wanted) -> None:

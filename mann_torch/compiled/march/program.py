@@ -47,8 +47,8 @@ class Program:
         with torch.inference_mode(False):
             # Views would be traced as raw `as_strided`.
             self.examples = [x.detach().clone() for x in examples]
-        #: What has been compared with eager torch, see `agreement`.
-        self.agreed: set[Any] = set()
+        #: What has been compared with eager torch, and what was found: see `agreement`.
+        self.verdicts: dict[Any, str | None] = {}
         self._texts: dict[Any, KernelText] = {}
         self._gradients: dict[Any, tuple[list[Output], Sizes]] = {}
         self._outputs = told(self._traced)
