@@ -116,7 +116,7 @@ def _program(task: Task, reference: Reference, step: LoopStep, rows: Rows) -> Pr
             carry = [c[0].detach() for c in rows.carry]
             try:
                 made: Program | UntraceableError = Program(
-                    step, layout, [*clock, *one, *segment, *noise, *carry]
+                    step.freeze(), layout, [*clock, *one, *segment, *noise, *carry]
                 )
             except UntraceableError as error:
                 made = error

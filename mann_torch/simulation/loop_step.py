@@ -107,8 +107,7 @@ class LoopStep:
         loop_names: Sequence[str],
         reference_names: Sequence[str],
     ) -> None:
-        self._loop, self._reference = frozen(task.loop), frozen(reference)
-        self._solver = copy.copy(task.solver)
+        self._loop, self._reference, self._solver = task.loop, reference, task.solver
         depth = len(task.batch)
 
         def first(leaf: Tensor) -> Tensor:
@@ -120,6 +119,12 @@ class LoopStep:
         self._loop_names, self._reference_names = loop_names, reference_names
         self._effort, self._noise = task.effort_after is not None, task.noise is not None
         self._packer = Packer(self._state, 0)
+
+    def freeze(self) -> LoopStep:
+        """Keep to copies of loop, reference and solver: nobody else sees them traced or changed."""
+        self._loop, self._reference = frozen(self._loop), frozen(self._reference)
+        self._solver = copy.copy(self._solver)
+        return self
 
     def layout(self, constants: Sequence[Tensor], segments: Sequence[Tensor]) -> Layout:
         """Of constants and coefficients as one sample has them."""

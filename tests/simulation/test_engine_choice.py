@@ -86,9 +86,12 @@ def test_a_part_of_ones_own_is_compiled() -> None:
 @pytest.mark.parametrize(
     ("attention", "words"),
     [
-        (Deciding, "a decision on data .* in Deciding, test_engine.py:.*: if comparison.query.sum"),
-        (Holding, "neither parameter nor buffer.*test_engine.py:.*self.scale"),
-        (Spectral, "_linalg_eigh.* has no compiled form.*test_engine.py:.*eigvalsh"),
+        (
+            Deciding,
+            "a decision on data .* in Deciding, test_engine_choice.py:.*: if comparison.query.sum",
+        ),
+        (Holding, "neither parameter nor buffer.*test_engine_choice.py:.*self.scale"),
+        (Spectral, "_linalg_eigh.* has no compiled form.*test_engine_choice.py:.*eigvalsh"),
         (Drawing, "differs from eager torch.*Python draws"),
     ],
 )

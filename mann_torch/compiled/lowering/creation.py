@@ -27,6 +27,8 @@ def _scalar(g: Graph, kind: str, value: Any) -> Node:
     "empty_like.default",
     "empty_permuted.default",
     "new_empty.default",
+    "new_empty_strided.default",
+    "empty_strided.default",
     "_efficientzerotensor.default",
     "_new_zeros_with_same_feature_meta.default",
 )

@@ -73,16 +73,17 @@ def _parity(g: Graph, lu: Node) -> Node:
 
 
 @lowers("_linalg_det.default")
-def _det(g: Graph, kind: str, A: Node) -> tuple[Node, ...]:
-    lu, rows = factors(g, A)
+def _det(g: Graph, kind: str, A: Node, *, rows_apart: bool) -> tuple[Node, ...]:
+    # Torch hands on the factors of the transpose, unless that would have to be copied.
+    lu, rows = factors(g, _transposed(g, A) if rows_apart else A)
     diagonal = _diagonal(g, "f", lu, 0, -2, -1)
     size = reduce(g, "prod", diagonal, [len(diagonal.shape) - 1])
     return pointwise(g, "mul", [size, _parity(g, lu)], "f"), lu, rows
 
 
 @lowers("_linalg_slogdet.default")
-def _slogdet(g: Graph, kind: str, A: Node) -> tuple[Node, ...]:
-    lu, rows = factors(g, A)
+def _slogdet(g: Graph, kind: str, A: Node, *, rows_apart: bool) -> tuple[Node, ...]:
+    lu, rows = factors(g, _transposed(g, A) if rows_apart else A)
     diagonal = _diagonal(g, "f", lu, 0, -2, -1)
     last = [len(diagonal.shape) - 1]
     signs = reduce(g, "prod", pointwise(g, "sign", [diagonal], "f"), last)
@@ -142,6 +143,11 @@ def _cholesky_solve(g: Graph, kind: str, B: Node, L: Node, upper: bool = False) 
 @lowers("cholesky_inverse.default")
 def _cholesky_inverse(g: Graph, kind: str, L: Node, upper: bool = False) -> Node:
     return _cholesky_solve(g, kind, eye(g, L.shape), L, upper)
+
+
+@lowers("eye.default", "eye.m")
+def _eye(g: Graph, kind: str, *_: Any, shape: Shape) -> Node:
+    return as_kind(g, eye(g, shape), kind)
 
 
 def eye(g: Graph, shape: Shape) -> Node:

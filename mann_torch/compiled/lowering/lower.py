@@ -42,6 +42,8 @@ def lower(g: Graph, made: GraphModule, inputs: Sequence[Node]) -> list[Node]:
 def _constant(g: Graph, value: Any) -> Any:
     if not isinstance(value, torch.Tensor):
         return tuple(_constant(g, v) for v in value)
+    if value.is_complex():
+        raise UntraceableError("complex numbers")
     whole = not (value.is_floating_point() or value.dtype == torch.bool)
     kind = "i" if whole else _kind(value.dtype)  # of whatever width: a number is a number
     return g.table(value.detach().reshape(-1).tolist(), tuple(value.shape), kind)
@@ -105,8 +107,11 @@ def _lowered(
     keywords = {k: _value(v, values) for k, v in traced.kwargs.items()}
     for dropped in ("dtype", "layout", "device", "pin_memory", "memory_format", "non_blocking"):
         keywords.pop(dropped, None)
-    if "shape" in inspect.signature(function).parameters:
+    asked = inspect.signature(function).parameters
+    if "shape" in asked:
         keywords["shape"] = tuple(like.shape)
+    if "rows_apart" in asked:  # whether the first operand's rows lie one after the other
+        keywords["rows_apart"] = traced.args[0].meta["val"].is_contiguous()  # type: ignore[union-attr]
     return function(g, _kind(like.dtype), *args, **keywords)
 
 

@@ -97,6 +97,14 @@ def _var(
     return kept(g, spread, x, places, keepdim)
 
 
+@lowers("var_mean.correction")
+def _var_mean(
+    g: Graph, kind: str, x: Node, dims: Any = None, *, correction: Any = 1, keepdim: bool = False
+) -> tuple[Node, Node]:
+    spread = _var(g, kind, x, dims, correction=correction, keepdim=keepdim)
+    return spread, _mean(g, kind, x, dims, keepdim)
+
+
 @lowers("mm.default", "bmm.default", "matmul.default")
 def matmul(g: Graph, kind: str, a: Node, b: Node) -> Node:
     """(..., m, k), (..., k, n) -> (..., m, n): products, summed over k."""

@@ -8,7 +8,8 @@ from typing import Any
 
 from torch import Tensor, nn
 
-_SKIPPED = ("_parameters", "_buffers", "_modules", "_non_persistent_buffers_set")
+#: What every module has: tensors and parts, told otherwise, and hooks, with which none is compiled.
+_SKIPPED = frozenset(vars(nn.Module())) - {"training"}
 _NUMBERS = (int, float, complex, bool, str, bytes, type(None), type)
 #: Containers nested deeper than this are known by identity.
 _DEPTH = 8

@@ -38,16 +38,17 @@ _log_softmax_backward_data sigmoid_backward tanh_backward mv addmm addmv square 
 diag_embed select_backward slice_backward softplus softplus_backward elu elu_backward silu
 silu_backward gelu gelu_backward leaky_relu leaky_relu_backward hardtanh hardtanh_backward
 log_sigmoid_forward log_sigmoid_backward mse_loss huber_loss smooth_l1_loss clamp_min clamp_max
-lerp logsumexp baddbmm dot vdot index_add unsafe_split rsub std var var_mean
-native_layer_norm_backward trace logit logaddexp hypot nan_to_num index_select masked_fill xlogy
-sinc heaviside frac threshold threshold_backward sgn unfold_backward glu tril triu eye
+lerp logsumexp baddbmm dot vdot index_add unsafe_split rsub std
+native_layer_norm_backward trace logit logaddexp nan_to_num index_select masked_fill xlogy
+sinc heaviside frac threshold threshold_backward sgn unfold_backward glu tril triu
 diagonal_backward roll fill zeros_like ones_like new_zeros new_ones new_full new_empty
-take_along_dim cumprod_backward deg2rad rad2deg addmv mish mish_backward softshrink_backward
-hardshrink_backward native_group_norm native_group_norm_backward dist
+take_along_dim cumprod_backward deg2rad rad2deg addmv mish mish_backward
+native_group_norm native_group_norm_backward dist
 """
 _MORE = _MORE_NAMES.split()
 #: Kept whole: torch would write them in operations of its own, or round otherwise than it does.
-_WHOLE = ("rsqrt", "hypot", "var", "linspace", "logspace")
+_WHOLE_NAMES = "rsqrt hypot var var_mean linspace logspace eye hardsigmoid_backward"
+_WHOLE = _WHOLE_NAMES.split()
 
 
 @functools.cache
