@@ -16,7 +16,7 @@ from mann_torch.compiled.host import kernels as host
 from mann_torch.simulation import compiled_engine
 from mann_torch.types import Comparison, Measurement, PlantState
 from tests.conftest import generator, make_controller, make_loop, make_scenario
-from tests.simulation.loops import case
+from tests.simulation.loops import NAMES, case
 from tests.simulation.test_compiled_parity import assert_same
 
 
@@ -318,3 +318,17 @@ def test_a_gpu_gives_what_a_cpu_gives(name: str) -> None:
     slopes = [torch.autograd.grad(mt.srmse(run).sum(), gain)[0] for run in runs]
     torch.testing.assert_close(runs[1].q, runs[0].q, rtol=1e-9, atol=1e-12)
     torch.testing.assert_close(slopes[1], slopes[0], rtol=1e-9, atol=0)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [n if n in ("nn", "soft", "hard") else pytest.param(n, marks=pytest.mark.slow) for n in NAMES],
+)
+def test_every_controller_is_compiled_from_a_fresh_start_with_every_gradient(name: str) -> None:
+    """As users have it: slots all alike, weights at their first draw, arm at rest."""
+    loop = make_loop(name)
+    loop.controller.tune(*loop.controller.constants())
+    scenario = make_scenario(0.1, jumps=(0.05,))
+    run = mt.rollout(loop, scenario, generator=generator(), batch_shape=(6,), effort_after=0.0)
+    assert run.engine == "fused", run.engine_reason
+    (mt.srmse(run).sum() + mt.torque_rate(run).sum()).backward()

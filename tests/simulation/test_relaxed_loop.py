@@ -104,3 +104,16 @@ def test_constants_per_sample_are_each_samples_own() -> None:
         torch.testing.assert_close(alone.q, together.q[:, i], rtol=1e-12, atol=1e-14)
         (found,) = torch.autograd.grad(alone.q.square().sum(), own)
         torch.testing.assert_close(found, slope[i], rtol=1e-10, atol=0)
+
+
+@pytest.mark.parametrize("name", ["hard", "reallocating_always"])
+def test_a_fresh_memory_whose_slots_are_all_alike_is_compiled_with_its_gradient(name: str) -> None:
+    """At t = 0 the derivative hangs on rounding; a step later it does not."""
+    loop = make_loop(name)
+    (gain,) = loop.controller.tune("error_gain")
+    run = mt.rollout(
+        loop, make_scenario(0.1), gradient="soft", temperature=0.05, generator=generator()
+    )
+    assert run.engine == "fused", run.engine_reason
+    (slope,) = torch.autograd.grad(mt.srmse(run).sum(), gain)
+    assert bool(torch.isfinite(slope).all()) and bool((slope.diagonal() != 0).all())

@@ -123,7 +123,7 @@ def _scan(w: Writer, node: Node) -> None:
 
 
 def _running(w: Writer, node: Node) -> None:
-    """Where the extreme so far is: the last of equals, the first NaN."""
+    """Where the extreme so far is: the last of equals, and of NaN."""
     (x,) = node.args
     lead, count = rows_of(node)
     home = home_of(w, node)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from torch import Tensor
+
 from ..graph.arithmetic import broadcast, pointwise, reduce
 from ..graph.nodes import Graph, Node, Shape
 from ..graph.reshapes import expand, narrow, permute, reshape
@@ -73,17 +75,17 @@ def _parity(g: Graph, lu: Node) -> Node:
 
 
 @lowers("_linalg_det.default")
-def _det(g: Graph, kind: str, A: Node, *, rows_apart: bool) -> tuple[Node, ...]:
+def _det(g: Graph, kind: str, A: Node, *, like: Tensor) -> tuple[Node, ...]:
     # Torch hands on the factors of the transpose, unless that would have to be copied.
-    lu, rows = factors(g, _transposed(g, A) if rows_apart else A)
+    lu, rows = factors(g, _transposed(g, A) if like.is_contiguous() else A)
     diagonal = _diagonal(g, "f", lu, 0, -2, -1)
     size = reduce(g, "prod", diagonal, [len(diagonal.shape) - 1])
     return pointwise(g, "mul", [size, _parity(g, lu)], "f"), lu, rows
 
 
 @lowers("_linalg_slogdet.default")
-def _slogdet(g: Graph, kind: str, A: Node, *, rows_apart: bool) -> tuple[Node, ...]:
-    lu, rows = factors(g, _transposed(g, A) if rows_apart else A)
+def _slogdet(g: Graph, kind: str, A: Node, *, like: Tensor) -> tuple[Node, ...]:
+    lu, rows = factors(g, _transposed(g, A) if like.is_contiguous() else A)
     diagonal = _diagonal(g, "f", lu, 0, -2, -1)
     last = [len(diagonal.shape) - 1]
     signs = reduce(g, "prod", pointwise(g, "sign", [diagonal], "f"), last)

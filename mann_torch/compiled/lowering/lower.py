@@ -110,8 +110,8 @@ def _lowered(
     asked = inspect.signature(function).parameters
     if "shape" in asked:
         keywords["shape"] = tuple(like.shape)
-    if "rows_apart" in asked:  # whether the first operand's rows lie one after the other
-        keywords["rows_apart"] = traced.args[0].meta["val"].is_contiguous()  # type: ignore[union-attr]
+    if "like" in asked:  # the first operand as torch has it
+        keywords["like"] = traced.args[0].meta["val"]  # type: ignore[union-attr]
     return function(g, _kind(like.dtype), *args, **keywords)
 
 

@@ -120,6 +120,23 @@ def _product_sum(g: Graph, kind: str, a: Node, b: Node) -> Node:
     return reduce(g, "sum", product, [len(a.shape) - 1])
 
 
+@lowers("_trilinear.default")
+def _trilinear(
+    g: Graph,
+    kind: str,
+    *given: Any,
+) -> Node:
+    """Three factors, each with ones put in at the dimensions it lacks, summed over some."""
+    total = None
+    for x, missing in zip(given[:3], given[3:6], strict=True):
+        shape = list(x.shape)
+        for dim in missing:
+            shape.insert(dim, 1)
+        factor = reshape(g, x, shape)
+        total = factor if total is None else pointwise(g, "mul", [total, factor], "f")
+    return reduce(g, "sum", total, given[6]) if given[6] else total
+
+
 def _scan(op: str) -> None:
     @lowers(f"{op}.default")
     def lower(g: Graph, kind: str, x: Node, dim: int, **_: Any) -> Node:

@@ -32,8 +32,12 @@ def _floor_divide(g: Graph, kind: str, a: Any, b: Any) -> Node:
     if kind == "i":
         return pointwise(g, "idiv", [left, right], "i")
     zero, one = g.full(0.0, (), "f"), g.full(1.0, (), "f")
-    rest = pointwise(g, "remainder", [left, right], "f")
+    rest = pointwise(g, "fmod", [left, right], "f")
     exact = pointwise(g, "div", [pointwise(g, "sub", [left, rest], "f"), right], "f")
+    signs = [pointwise(g, "lt", [x, zero], "b") for x in (rest, right)]
+    some = pointwise(g, "ne", [rest, zero], "b")
+    below = pointwise(g, "and", [some, pointwise(g, "xor", signs, "b")], "b")
+    exact = pointwise(g, "sub", [exact, pointwise(g, "to_f", [below], "f")], "f")
     floor = pointwise(g, "floor", [exact], "f")
     apart = pointwise(g, "sub", [exact, floor], "f")
     high = pointwise(g, "gt", [apart, g.full(0.5, (), "f")], "b")

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from torch import Tensor
+
 from ..graph.arithmetic import pointwise
 from ..graph.nodes import Graph, IndexMap, Node
 from ..graph.reshapes import expand, narrow, permute, reshape
@@ -122,6 +124,23 @@ def _flip(g: Graph, kind: str, x: Node, dims: Sequence[int]) -> Node:
         d = _dim(x, d)
         x = narrow(g, x, d, x.shape[d] - 1, x.shape[d], -1)
     return x
+
+
+@lowers("as_strided.default")
+def _as_strided(
+    g: Graph,
+    kind: str,
+    x: Node,
+    size: Sequence[int],
+    strides: Sequence[int],
+    offset: int | None = None,
+    *,
+    like: Tensor,
+) -> Node:
+    whole = like.numel() * like.element_size() == like.untyped_storage().nbytes()
+    if not (whole and like.is_contiguous()):
+        raise NotImplementedError("of a part of a tensor")
+    return view(g, reshape(g, x, (x.size,)), size, [IndexMap(offset or 0, tuple(strides))])
 
 
 @lowers("diagonal.default")

@@ -19,6 +19,7 @@ import torch
 from torch import Tensor
 from torch.autograd import forward_ad
 from torch.fx import GraphModule, Node
+from torch.nn.attention import SDPBackend, sdpa_kernel
 
 from .choosing import Choosing
 from .telling import UntraceableError, explained, source_of
@@ -43,7 +44,7 @@ native_layer_norm_backward trace logit logaddexp nan_to_num index_select masked_
 sinc heaviside frac threshold threshold_backward sgn unfold_backward glu tril triu
 diagonal_backward roll fill zeros_like ones_like new_zeros new_ones new_full new_empty
 take_along_dim cumprod_backward deg2rad rad2deg addmv mish mish_backward
-native_group_norm native_group_norm_backward dist
+native_group_norm native_group_norm_backward dist native_batch_norm native_batch_norm_backward
 """
 _MORE = _MORE_NAMES.split()
 #: Kept whole: torch would write them in operations of its own, or round otherwise than it does.
@@ -155,7 +156,13 @@ def trace_vjp(
 
 def _traced(function: Callable[..., Any], examples: Sequence[Tensor]) -> GraphModule:
     try:
-        with _LOCK, torch.random.fork_rng(devices=[]), torch.inference_mode(False), Choosing():
+        with (
+            _LOCK,
+            torch.random.fork_rng(devices=[]),
+            torch.inference_mode(False),
+            sdpa_kernel(SDPBackend.MATH),  # attention in operations of its own
+            Choosing(),
+        ):
             made = _pure(function, examples)
             if any(map(_changes_operand, made.graph.nodes)):
                 # Left by what torch itself is made of, below functionalisation.
