@@ -135,7 +135,7 @@ def _running(w: Writer, node: Node) -> None:
     w.put(f"{type_of(x.kind)} here = {element(w, x, names, maps, 'j')};")
     test = "ge" if node.op == "cummax" else "le"
     if x.kind == "f":
-        w.put(f"M take = ({test}(here, best) | (ne(here, here) & eq(best, best)));")
+        w.put(f"M take = ({test}(here, best) | ne(here, here));")
     else:
         w.put(f"M take = i{test}(here, best);")
     w.put(f"best = {choose(x.kind)}(take, here, best); at = isel(take, isplat(j), at);")

@@ -121,20 +121,16 @@ def _product_sum(g: Graph, kind: str, a: Node, b: Node) -> Node:
 
 
 @lowers("_trilinear.default")
-def _trilinear(
-    g: Graph,
-    kind: str,
-    *given: Any,
-) -> Node:
+def _trilinear(g: Graph, kind: str, *given: Any) -> Node:
     """Three factors, each with ones put in at the dimensions it lacks, summed over some."""
-    total = None
+    factors = []
     for x, missing in zip(given[:3], given[3:6], strict=True):
         shape = list(x.shape)
         for dim in missing:
             shape.insert(dim, 1)
-        factor = reshape(g, x, shape)
-        total = factor if total is None else pointwise(g, "mul", [total, factor], "f")
-    return reduce(g, "sum", total, given[6]) if given[6] else total
+        factors.append(reshape(g, x, shape))
+    pair = pointwise(g, "mul", factors[:2], "f")
+    return reduce(g, "sum", pointwise(g, "mul", [pair, factors[2]], "f"), given[6])
 
 
 def _scan(op: str) -> None:

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import linecache
 import os
+import re
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
 
 import torch
 from torch.fx import Node
@@ -14,16 +18,41 @@ from ...errors import MannError
 _TORCH = os.path.dirname(torch.__file__)
 #: The compiler's own files are nobody's mistake.
 _HERE = os.path.dirname(os.path.dirname(__file__))
+_FRAME = re.compile(r'\s*File "(.+)", line (\d+), in (.+)')
 
 
 class UntraceableError(MannError):
     """A step that cannot be compiled; the message says which operation, where, and why."""
 
 
+def _whole(tracer: Any, user_stack_summary: traceback.StackSummary) -> traceback.StackSummary:
+    return user_stack_summary
+
+
+@contextmanager
+def whole_trails() -> Iterator[None]:
+    """Let traces note every line on the way to an operation: torch keeps those of `forward`."""
+    from torch.fx.proxy import TracerBase
+
+    kept = TracerBase.__dict__.get("_filter_traceback_frames")
+    if kept is None:  # another version of torch: fewer lines
+        yield
+        return
+    TracerBase._filter_traceback_frames = _whole  # type: ignore[assignment, method-assign]
+    try:
+        yield
+    finally:
+        TracerBase._filter_traceback_frames = kept  # type: ignore[method-assign]
+
+
 def explained(error: Exception) -> str:
     """What stopped a trace, and the line of the user's code (or ours) it came from."""
     text = " ".join(str(error).split())
-    if "data-dependent" in text or "GuardOnDataDependent" in type(error).__name__:
+    if (
+        "data-dependent" in text
+        or "unallocated storage" in text
+        or "GuardOnDataDependent" in type(error).__name__
+    ):
         what = "a decision on data (`if tensor`, `bool(tensor)`, `.item()`)"
     elif "convert all Tensors to FakeTensors" in text:
         what = "a tensor that is neither parameter nor buffer"
@@ -67,9 +96,10 @@ def source_of(node: Node) -> str:
 def _frames(trail: str) -> list[tuple[str, int, str, str]]:
     frames, lines = [], trail.splitlines()
     for i, line in enumerate(lines):
-        parts = line.strip().split('"')
-        if line.strip().startswith("File ") and len(parts) >= 3:
-            number = int("".join(c for c in parts[2].split(",")[1] if c.isdigit()) or 0)
+        found = _FRAME.match(line)
+        if found is not None:
+            file, number, name = found.groups()
             code = lines[i + 1].strip() if i + 1 < len(lines) else ""
-            frames.append((parts[1], number, parts[2].split("in ")[-1], code))
+            code = "" if _FRAME.match(code) else code
+            frames.append((file, int(number), name, code))
     return frames

@@ -22,7 +22,7 @@ from torch.fx import GraphModule, Node
 from torch.nn.attention import SDPBackend, sdpa_kernel
 
 from .choosing import Choosing
-from .telling import UntraceableError, explained, source_of
+from .telling import UntraceableError, explained, source_of, whole_trails
 
 #: A function of tensors to tensors, in flat lists.
 Function = Callable[[Sequence[Tensor]], Sequence[Tensor]]
@@ -75,7 +75,8 @@ def told(make: Callable[[], Found]) -> Found:
     except UntraceableError:
         token = _SOURCES.set(True)
         try:
-            return make()
+            with _LOCK, whole_trails():
+                return make()
         finally:
             _SOURCES.reset(token)
 
