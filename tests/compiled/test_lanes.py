@@ -1,150 +1,241 @@
-"""A sample's bits depend neither on lanes, nor on its mates, nor on threads, nor on memory."""
+"""A sample's bits depend neither on lanes, nor on its mates, nor on threads or checkpoints."""
 
 from __future__ import annotations
 
 import dataclasses
+import importlib
+import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 
 import pytest
 import torch
 from torch import Tensor
 
 import mann_torch as mt
-from mann_torch.compiled.march import engine
-from mann_torch.trees import leaves, map_tensors
-from mann_torch.types import NetworkState
-from tests.simulation.loops import Case, case
+from mann_torch.trees import leaves
+from mann_torch.types import NetworkState, PlantState
+from tests.conftest import randn
+from tests.simulation.loops import NAMES, Case, case, freed
 
-NAME = "reallocating_always_state_keys"
-
-
-def free_start(made: Case) -> tuple[Case, list[Tensor]]:
-    """The case with its start and initial weights free, one row a sample."""
-    start = map_tensors(lambda x: x.detach().clone().requires_grad_(), made.scenario.start)
-    network = map_tensors(lambda x: x.detach().clone().requires_grad_(), made.network)
-    scenario = dataclasses.replace(made.scenario, start=start)
-    return made._replace(scenario=scenario, network=network), [*start, *network]
+#: (The package's name `march` is that of a function too.)
+march_engine = importlib.import_module("mann_torch.compiled.march.engine")
+LANES = (1, 2, 4, 8)
+#: Each is some seconds of compiling; all run with `make check`.
+QUICK = ("nn", "reallocating_always_state_keys")
+EVERY = [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in NAMES]
 
 
-def bits(made: Case, **options: object) -> list[Tensor]:
-    """Motion, states, and the gradient of every sample's own numbers: samples second."""
-    free, tensors = free_start(made)
-    run = free.run(sample_dt=0.1, engine="fused", **options)
-    slopes = torch.autograd.grad(run.q.square().sum() + mt.srmse(run).sum(), tensors)
-    found = [run.q, run.qd, run.squared_error, *leaves(run.states), *(g[None] for g in slopes)]
-    return [x.detach() for x in found]
+def rows(made: Case, chosen: Sequence[int]) -> Case:
+    """The case of these samples alone."""
+    start, index = made.scenario.start, list(chosen)
+    assert start is not None
+    return Case(
+        made.loop,
+        dataclasses.replace(made.scenario, start=PlantState(*(leaf[index] for leaf in start))),
+        NetworkState(*(leaf[index] for leaf in made.network)),
+    )
 
 
-def rows(made: Case, chosen: list[int]) -> Case:
-    start = map_tensors(lambda x: x[chosen], made.scenario.start)
-    scenario = dataclasses.replace(made.scenario, start=start)
-    network = NetworkState(*(x[chosen] for x in made.network))
-    return made._replace(scenario=scenario, network=network)
+def outputs(run: mt.Trajectory) -> list[Tensor]:
+    """All that a trajectory keeps, batch first."""
+    found = [run.q, run.qd, run.squared_error, *leaves(run.states), *leaves(run.modes)]
+    return [x.transpose(0, 1) for x in found] + [run.status, *leaves(run.final_mode)]
 
 
-def assert_equal(mine: list[Tensor], other: list[Tensor]) -> None:
+def gradients(
+    made: Case, chosen: Sequence[int], horizon: int, engine: str = "fused", **options: object
+) -> tuple[list[Tensor], list[Tensor], mt.Trajectory]:
+    """Of a sample's own start and weights, and of what all share, for a loss without sums of torch.
+
+    Weights of the loss belong to samples by number.
+    """
+    made, free = freed(rows(made, chosen))
+    run = made.run(engine=engine, **options)
+    assert run.engine == {"torch": "eager"}.get(engine, engine)
+    loss = run.q.new_zeros(())
+    for seed, x in enumerate((run.q, run.qd, run.squared_error, *leaves(run.states))):
+        weights = randn(11, horizon, *x.shape[2:], seed=seed)[list(chosen), : len(x)]
+        loss = loss + (x * weights.transpose(0, 1)).sum()
+    assert loss.requires_grad
+    own = [*(free[f"start {k}"] for k in ("q", "qd")), *made.network]
+    shared = [x for x in free.values() if all(x is not y for y in own)]
+    found, again = (
+        torch.autograd.grad(loss, [*own, *shared], retain_graph=True, materialize_grads=True)
+        for _ in range(2)
+    )
+    assert_equal(found, again)
+    return list(found[: len(own)]), list(found[len(own) :]), run
+
+
+def assert_equal(mine: Sequence[Tensor], other: Sequence[Tensor]) -> None:
     for a, b in zip(mine, other, strict=True):
         assert torch.equal(a, b)
 
 
-def test_a_sample_alone_has_the_bits_it_has_in_a_batch() -> None:
-    made = case(NAME, 0.2, batch=11)
-    together = bits(made)
-    for number in (0, 3, 10):
-        alone = bits(rows(made, [number]))
-        assert_equal(alone, [x[:, [number]] for x in together])
+@pytest.mark.parametrize("name", EVERY)
+def test_each_sample_alone_has_the_bits_it_has_among_others(name: str) -> None:
+    made = case(name, 0.2, batch=11)
+    with torch.no_grad():
+        together = outputs(made.run(engine="fused"))
+        for i in range(11):
+            alone = outputs(rows(made, [i]).run(engine="fused"))
+            assert_equal(alone, [x[i : i + 1] for x in together])
 
 
-@pytest.mark.parametrize("lanes", [1, 4, pytest.param(2, marks=pytest.mark.slow)])
-def test_every_number_of_lanes_gives_the_same_bits(
-    lanes: int, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    "name", [n if n == "nn" else pytest.param(n, marks=pytest.mark.slow) for n in NAMES]
+)
+def test_gradients_of_each_sample_alone(name: str) -> None:
+    made = case(name, 0.2, batch=11)
+    together, _, _ = gradients(made, range(11), 60)
+    for i in (0, 3, 10):
+        alone, _, _ = gradients(made, [i], 60)
+        assert_equal(alone, [x[i : i + 1] for x in together])
+
+
+@pytest.mark.parametrize(
+    ("name", "lanes", "backward"),
+    [
+        ("nn", (1, 2, 4), False),
+        *(pytest.param(n, LANES, True, marks=pytest.mark.slow) for n in NAMES),
+    ],
+)
+def test_bits_are_the_same_in_any_number_of_lanes_and_threads(
+    name: str, lanes: tuple[int, ...], backward: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = case(NAME, 0.2, batch=11)
-    usual = bits(made)
-    monkeypatch.setattr(engine, "lanes_for", lambda *_: lanes)
-    assert_equal(bits(made), usual)
-
-
-def test_one_thread_and_two_give_the_same_bits() -> None:
-    made, before, found = case(NAME, 0.2, batch=19), torch.get_num_threads(), []
-    try:
+    made = case(name, 0.2, batch=11)
+    found = []
+    for count in lanes:
+        monkeypatch.setattr(march_engine, "lanes_for", lambda *_, count=count: count)
         for threads in (1, 2):
             torch.set_num_threads(threads)
-            found.append(bits(made))
-    finally:
-        torch.set_num_threads(before)
-    assert_equal(*found)
+            if backward:
+                own, shared, run = gradients(made, range(11), 60)
+                found.append([*own, *shared, *outputs(run)])
+            else:
+                with torch.no_grad():
+                    found.append(outputs(made.run(engine="fused")))
+    for other in found[1:]:
+        assert_equal(found[0], other)
 
 
-@pytest.mark.parametrize("steps", [1, 31, 32, 33, 65, 300])
-def test_checkpoints_far_apart_give_the_same_bits(steps: int) -> None:
-    """Each step's dt is 4 ms; with little memory checkpoints are 64, 128 or more steps apart."""
-    made = case("soft", 4e-3 * steps, batch=9)
-    usual = bits(made)
-    for memory in (1.0, 2e5, 1e6):
-        assert_equal(bits(made, tape_memory=memory), usual)
-
-
-def test_a_sample_that_diverges_in_lane_3_of_8_leaves_its_mates_their_bits() -> None:
-    made = case(NAME, 0.1, batch=8)
+def diverging(name: str) -> Case:
+    """Eight samples, of which number 3 feeds itself beyond every bound."""
+    made = case(name, 0.1, batch=8)
     W = made.network.W.clone()
     W[3] = 1e9
-    broken = made._replace(network=made.network._replace(W=W))
-    mates = [0, 1, 2, 4, 5, 6, 7]
-    run = broken.run(engine="fused")
-    assert (run.status != 0).tolist() == [i == 3 for i in range(8)]
-    reference = broken.run(engine="torch")
+    return made._replace(network=made.network._replace(W=W))
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_a_sample_that_diverges_leaves_its_mates_undisturbed(name: str) -> None:
+    made, others = diverging(name), [0, 1, 2, 4, 5, 6, 7]
+    with torch.no_grad():
+        run, reference = (made.run(engine=e) for e in ("fused", "torch"))
+        mates = outputs(rows(made, others).run(engine="fused"))
+    assert run.status.tolist().count(0) == 7 and run.status[3] != 0
+    assert torch.equal(run.status, reference.status)
+    assert torch.equal(run.stopped_at.nan_to_num(-1.0), reference.stopped_at.nan_to_num(-1.0))
     assert run.describe_status() == reference.describe_status()
-    assert torch.isfinite(run.q).all()
-    sound = made.run(engine="fused")
-    assert torch.equal(run.q[:, mates], sound.q[:, mates])
-    (gain,) = broken.loop.controller.tune("base_gain")
-    slopes = [
-        torch.autograd.grad(b.run(engine="fused").q[:, mates].square().sum(), gain)[0]
-        for b in (broken, made)
-    ]
-    assert torch.equal(*slopes) and bool(torch.isfinite(slopes[0]))
+    assert_equal([x[others] for x in outputs(run)], mates)
 
 
-LONG = """
-import os, sys, torch, mann_torch as mt
-torch.set_num_threads(2)
-loop = mt.ClosedLoop(mt.TwoLinkArm(), mt.MannController(2, 6))
-def run(horizon, **more):
-    task = mt.Scenario(mt.Sinusoid([1.0, 0.3]), mt.arm_parameters(), horizon)
-    return mt.rollout(loop, task, batch_shape=(64,), generator=torch.Generator().manual_seed(0),
-                      motion_dt=1.0, sample_until=0.0, engine="fused", **more)
-(gain,) = loop.controller.tune("base_gain")
-mt.srmse(run(0.1)).sum().backward()
-long = mt.srmse(run(60.0)).sum() if sys.argv[1] == "back" else None
+@pytest.mark.parametrize(
+    "name", [n if n == "nn" else pytest.param(n, marks=pytest.mark.slow) for n in NAMES]
+)
+def test_a_sample_that_diverges_spoils_no_gradient(name: str) -> None:
+    made, others = diverging(name), [0, 1, 2, 4, 5, 6, 7]
+    own, shared, _ = gradients(made, range(8), 60)
+    mates, _, _ = gradients(made, others, 60)
+    assert all(bool(x.isfinite().all()) for x in (*own, *shared))
+    assert_equal([x[others] for x in own], mates)
+    expected = gradients(made, range(8), 60, engine="torch")
+    for mine, other in zip([*own, *shared], [*expected[0], *expected[1]], strict=True):
+        torch.testing.assert_close(mine, other, rtol=1e-9, atol=1e-9 * float(other.abs().max()))
+
+
+@pytest.mark.parametrize("steps", [1, 31, 32, 33, 65, pytest.param(1000, marks=pytest.mark.slow)])
+def test_checkpoints_far_apart_change_no_bit(steps: int) -> None:
+    solver = mt.Implicit()
+    made = case("nn", steps * solver.dt, batch=11)
+    found = []
+    for memory in (256e6, 1e5, 3e4, 1.0):
+        own, shared, run = gradients(made, range(11), steps + 3, solver=solver, tape_memory=memory)
+        found.append([*own, *shared])
+    assert abs(len(run.step_t) - 1 - steps) <= 2  # mass jumps cut steps
+    for other in found[1:]:
+        assert_equal(found[0], other)
+
+
+def test_progress_counts_every_step_once() -> None:
+    made = case("nn", 40.0, batch=3)
+    seen: list[int] = []
+    with torch.no_grad():
+        run = made.run(engine="fused", progress=seen.append, motion_dt=1.0, sample_until=0.0)
+    assert sum(seen) == len(run.step_t) - 1 and len(seen) > 2
+
+
+INTERRUPTED = """
+import os, signal, sys, threading, time, torch
+import mann_torch as mt
+from tests.simulation.loops import case, freed
+
+backward, threads = sys.argv[1] == "backward", int(sys.argv[2])
+torch.set_num_threads(threads)
+
+def run(horizon):
+    made, _ = freed(case("nn", horizon, batch=40))
+    with torch.set_grad_enabled(backward):
+        found = made.run(engine="fused", motion_dt=horizon, sample_until=0.0)
+    return found.squared_error.sum()
+
+def go(horizon):
+    loss = run(horizon)
+    if backward:
+        print("ready", flush=True)
+        loss.backward()
+
+go(0.1)
+loss = run(300.0) if backward else None
 print("ready", flush=True)
 try:
-    if long is None:
-        with torch.no_grad():
-            run(20000.0)
-    else:
-        for _ in range(1000):
-            long.backward(retain_graph=True)
+    loss.backward() if backward else run(20000.0)
+    print("went through")
 except KeyboardInterrupt:
     print("interrupted", flush=True)
+go(0.1)
+print("goes on")
 """
 
 
-@pytest.mark.parametrize("way", ["forth", "back"])
-def test_ctrl_c_is_heard(way: str) -> None:
-    # A shell's background job ignores SIGINT, and so would its children.
-    child = subprocess.Popen(
-        [sys.executable, "-c", LONG, way],
+@pytest.mark.parametrize(
+    ("side", "threads"),
+    [
+        pytest.param("forward", 2),
+        pytest.param("forward", 1, marks=pytest.mark.slow),
+        pytest.param("backward", 2, marks=pytest.mark.slow),
+        pytest.param("backward", 1, marks=pytest.mark.slow),
+    ],
+)
+def test_ctrl_c_is_heard_and_nothing_is_left_running(side: str, threads: int) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTED, side, str(threads)],
         stdout=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )
-    assert child.stdout is not None and child.stdout.readline() == "ready\n"
-    time.sleep(0.5)
-    began = time.monotonic()
-    child.send_signal(signal.SIGINT)
-    out, _ = child.communicate(timeout=60)
-    assert "interrupted" in out and time.monotonic() - began < 20
+    assert process.stdout is not None
+    lines = iter(process.stdout.readline, "")
+    seen = [next(lines)]
+    if side == "backward":
+        seen.append(next(lines))
+    time.sleep(0.7)
+    begun = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    assert next(lines) == "interrupted\n"
+    assert time.monotonic() - begun < 2.0
+    assert list(lines)[-1] == "goes on\n" and process.wait() == 0

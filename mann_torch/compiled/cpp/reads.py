@@ -32,36 +32,66 @@ GREEDY = (
 LOOPS = ("sum", "prod", "amax", "amin", "any", "all", "argmax", "argmin")
 
 
+#: Terms that an expression may have; nested so deep, it is cut whatever that costs; and terms in
+#: all the places where it is written out.
+_LONG, _DEEP, _COPIES = 48, 64, 128
+
+
 def stored_nodes(order: Sequence[Node], outputs: Sequence[Node]) -> set[int]:
     """Nodes with a value of their own; the others are written out where they are read.
 
     A pointwise node read no more often than it has elements costs nothing there.
     """
     reads = dict.fromkeys((n.number for n in order), 0)
+    places = dict.fromkeys(reads, 0)  # in the text
     kept = {n.number for n in outputs}
     for node in outputs:
         if node.op in FREE:
             reads[node.number] += node.size
+            places[node.number] += 1
     stored: set[int] = set()
     for node in reversed(order):
-        times = reads[node.number]
+        times, here = reads[node.number], places[node.number]
         if node.op in ("input", "full", "iota", "table"):
             continue
         if node.op in POINTWISE:
             if node.number in kept or times > node.size:
                 stored.add(node.number)
-                times = node.size
         elif node.op not in ("view", "reshape"):
             stored.add(node.number)
-            times = node.size
+        if node.number in stored:
+            times, here = node.size, 1
         for a in node.args:
+            places[a.number] += here
             if node.op in GREEDY:
                 reads[a.number] += 2 * a.size + 1
             elif node.op in LOOPS or node.op == "cat":
                 reads[a.number] += a.size
             else:
                 reads[a.number] += times
-    return stored
+    return stored | _bulky(order, stored, reads, places)
+
+
+def _bulky(
+    order: Sequence[Node], stored: set[int], reads: dict[int, int], places: dict[int, int]
+) -> set[int]:
+    """Nodes to store because their text would be long, or long and written often."""
+    found: set[int] = set()
+    terms, depth = dict.fromkeys(reads, 0), dict.fromkeys(reads, 0)
+    for node in order:
+        number = node.number
+        if number in stored or not node.args:
+            continue
+        terms[number] = sum(terms[a.number] for a in node.args) + (node.op in POINTWISE)
+        depth[number] = max(depth[a.number] for a in node.args) + 1
+        if node.op not in POINTWISE:
+            continue
+        count = terms[number]
+        costly = count > _LONG or (places[number] > 1 and count * places[number] > _COPIES)
+        if depth[number] > _DEEP or (costly and 2 * reads[number] >= node.size):
+            found.add(number)
+            terms[number] = depth[number] = 0
+    return found
 
 
 class Reads:

@@ -49,6 +49,11 @@ class Graph:
 
     def __init__(self) -> None:
         self._known: dict[Hashable, Node] = {}
+        #: Notes of `views`: views taken apart by what is viewed and how, and places of cuts by
+        #: number; how many operations deep a view is being pushed now.
+        self.pushed: dict[Hashable, Node] = {}
+        self.cuts: dict[int, dict[int, frozenset[int]]] = {}
+        self.depth = 0
 
     def node(
         self, op: str, args: Sequence[Node], shape: Sequence[int], kind: str, attributes: Any = ()
@@ -62,6 +67,11 @@ class Graph:
             found = Node(len(self._known), op, tuple(args), tuple(shape), kind, attributes)
             self._known[key] = found
         return found
+
+    def forget(self) -> None:
+        """Empty the notes."""
+        self.pushed.clear()
+        self.cuts.clear()
 
     def input(self, place: str, offset: int, shape: Sequence[int], kind: str) -> Node:
         """A value that comes in: `place` names an array of the caller, `offset` where in it."""

@@ -8,6 +8,9 @@ from collections.abc import Sequence
 from .nodes import Graph, IndexMap, Node, Shape, identity_maps, strides_of
 from .views import is_pointwise, rebuilt, view
 
+#: So many operations are searched for a reshape that another undoes.
+_NEAR = 64
+
 
 def narrow(g: Graph, x: Node, dim: int, start: int, length: int, step: int = 1) -> Node:
     """`length` elements along a dimension, from `start` on, every `step`-th."""
@@ -43,11 +46,15 @@ def reshape(g: Graph, x: Node, shape: Sequence[int]) -> Node:
         return g.node("full", (), shape, x.kind, x.attributes)
     if x.op == "reshape":
         return reshape(g, x.args[0], shape)
+    if is_pointwise(x) and _undone(x, shape):
+        key = (x.number, shape)
+        if key not in g.pushed:
+            parts = [reshape(g, a, shape) for a in x.args]
+            g.pushed[key] = rebuilt(g, x, parts, shape)
+        return g.pushed[key]
     maps = _split_maps(x.shape, shape)
     if maps is not None:
         return view(g, x, shape, maps)
-    if is_pointwise(x) and any(_undone(a, shape) for a in x.args):
-        return rebuilt(g, x, [reshape(g, a, shape) for a in x.args], shape)
     if x.op == "table":
         return g.node("table", (), shape, x.kind, x.attributes)
     if x.op == "view":
@@ -74,9 +81,16 @@ def _relabels(x: Node) -> bool:
 
 
 def _undone(x: Node, shape: Shape) -> bool:
-    if is_pointwise(x):
-        return any(_undone(a, shape) for a in x.args)
-    return x.op == "reshape" and x.args[0].shape == shape
+    """Whether the opposite reshape lies close below a pointwise operation."""
+    seen, waiting = {x.number}, [x]
+    while waiting and len(seen) < _NEAR:
+        for a in waiting.pop().args:
+            if a.op == "reshape" and a.args[0].shape == shape:
+                return True
+            if is_pointwise(a) and a.number not in seen:
+                seen.add(a.number)
+                waiting.append(a)
+    return False
 
 
 def _split_maps(old: Shape, new: Shape) -> list[IndexMap] | None:

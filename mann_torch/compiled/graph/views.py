@@ -12,6 +12,9 @@ from collections.abc import Sequence
 
 from .nodes import Graph, IndexMap, Node, Shape, identity_maps
 
+#: A view is pushed through no more operations than this: Python's stack is finite.
+_DEEP = 80
+
 
 def view(g: Graph, x: Node, shape: Sequence[int], maps: Sequence[IndexMap]) -> Node:
     """Element i of the result (*shape) is the element of x that `maps` (one a dimension) say."""
@@ -27,14 +30,27 @@ def view(g: Graph, x: Node, shape: Sequence[int], maps: Sequence[IndexMap]) -> N
         return g.node("full", (), shape, x.kind, x.attributes)
     if x.op == "view":
         return view(g, x.args[0], shape, [_through(m, maps, shape) for m in x.attributes])
-    if x.op == "cat":
-        found = _of_pieces(g, x, shape, maps)
-        if found is not None:
-            return found
-    if is_pointwise(x) and _cuts_through(x, shape, maps):
-        parts = [view(g, a, shape, maps) for a in x.args]
-        return rebuilt(g, x, parts, shape)
+    if x.op == "cat" or (is_pointwise(x) and _cuts_through(g, x, shape, maps)):
+        return _pushed(g, x, shape, maps)
     return g.node("view", (x,), shape, x.kind, maps)
+
+
+def _pushed(g: Graph, x: Node, shape: Shape, maps: tuple[IndexMap, ...]) -> Node:
+    """A view of pieces, or of a pointwise operation's operands; once for each, and not too deep."""
+    key = (x.number, shape, maps)
+    found = g.pushed.get(key)
+    if found is None:
+        if g.depth < _DEEP:
+            g.depth += 1
+            if x.op == "cat":
+                found = _of_pieces(g, x, shape, maps)
+            else:
+                found = rebuilt(g, x, [view(g, a, shape, maps) for a in x.args], shape)
+            g.depth -= 1
+        if found is None:
+            found = g.node("view", (x,), shape, x.kind, maps)
+        g.pushed[key] = found
+    return found
 
 
 def rebuilt(g: Graph, x: Node, args: Sequence[Node], shape: Shape) -> Node:
@@ -66,16 +82,32 @@ def span(m: IndexMap, shape: Shape) -> tuple[int, int]:
     return m.offset + sum(min(e, 0) for e in ends), m.offset + sum(max(e, 0) for e in ends)
 
 
-def cuts(x: Node) -> dict[int, frozenset[int]]:
+def cuts(g: Graph, x: Node) -> dict[int, frozenset[int]]:
     """Where a concatenation, or a pointwise operation on some, can be cut, by dimension."""
+    waiting = [x]
+    while waiting:  # operands first
+        top = waiting[-1]
+        open_ = [a for a in _cut_operands(top) if a.number not in g.cuts]
+        if top.number in g.cuts or not open_:
+            waiting.pop()
+            g.cuts[top.number] = _own_cuts(g, top)
+        waiting += open_
+    return g.cuts[x.number]
+
+
+def _cut_operands(x: Node) -> tuple[Node, ...]:
+    return x.args if x.op == "view" or is_pointwise(x) else ()
+
+
+def _own_cuts(g: Graph, x: Node) -> dict[int, frozenset[int]]:
+    """The cuts of a node whose operands' are known."""
+    found: dict[int, frozenset[int]] = {}
     if x.op == "cat":
         (dim,) = x.attributes
         ends = itertools.accumulate(piece.shape[dim] for piece in x.args)
         return {dim: frozenset(list(ends)[:-1])}
     if x.op == "view":
-        source = cuts(x.args[0])
-        found = {}
-        for dim, places in source.items():
+        for dim, places in g.cuts[x.args[0].number].items():
             m = x.attributes[dim]
             moving = [i for i, s in enumerate(m.steps) if s]
             if len(moving) == 1 and m.steps[moving[0]] == 1:
@@ -83,38 +115,18 @@ def cuts(x: Node) -> dict[int, frozenset[int]]:
                 inside = {p - m.offset for p in places if 0 < p - m.offset < x.shape[i]}
                 if inside:
                     found[i] = frozenset(inside)
-        return found
-    if is_pointwise(x):
-        found = {}
+    elif is_pointwise(x):
         for a in x.args:
-            for dim, places in _known_cuts(a).items():
+            for dim, places in g.cuts[a.number].items():
                 found[dim] = found.get(dim, frozenset()) | places
-        return found
-    return {}
+    return found
 
 
-_CUTS: dict[int, tuple[Node, dict[int, frozenset[int]]]] = {}
-
-
-def _known_cuts(x: Node) -> dict[int, frozenset[int]]:
-    if x.op not in ("cat", "view") and not is_pointwise(x):
-        return {}
-    known = _CUTS.get(id(x))
-    if known is None or known[0] is not x:
-        known = _CUTS[id(x)] = (x, cuts(x))
-    return known[1]
-
-
-def forget_cuts() -> None:
-    """Empty the notes about cuts, which keep their nodes alive."""
-    _CUTS.clear()
-
-
-def _cuts_through(x: Node, shape: Shape, maps: Sequence[IndexMap]) -> bool:
+def _cuts_through(g: Graph, x: Node, shape: Shape, maps: Sequence[IndexMap]) -> bool:
     """Whether a view leaves out a piece of some concatenation below x."""
     if 0 in shape:
         return False
-    for dim, places in _known_cuts(x).items():
+    for dim, places in cuts(g, x).items():
         low, high = span(maps[dim], shape)
         if any(p <= low or p > high for p in places):
             return True

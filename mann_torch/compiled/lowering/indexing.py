@@ -157,3 +157,8 @@ def _index_select(g: Graph, kind: str, x: Node, dim: int, index: Node) -> Node:
     indices: list[Node | None] = [None] * len(x.shape)
     indices[dim % len(x.shape)] = reshape(g, index, (index.size,))
     return _index(g, kind, x, indices)
+
+
+@lowers("embedding.default")
+def _embedding(g: Graph, kind: str, rows: Node, index: Node, *_: Any) -> Node:
+    return _index(g, kind, rows, [index])

@@ -35,6 +35,7 @@ def lower(g: Graph, made: GraphModule, inputs: Sequence[Node]) -> list[Node]:
                 values[traced] = _called(g, traced, values, constants)
         else:
             results: Any = traced.args[0]
+            g.forget()
             return [_value(r, values) for r in results]
     return []
 

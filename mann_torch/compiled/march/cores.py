@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import functools
+import os
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import torch
+
+#: Seconds that one launch should take: progress shows, and Ctrl-C is heard.
+PAUSE = 0.25
 
 
 @contextmanager
@@ -29,9 +34,13 @@ def torch_on_one_thread() -> Iterator[None]:
 
 
 @functools.cache
-def pool(size: int) -> ThreadPoolExecutor:
-    """Threads that run launches side by side."""
+def _pool(size: int, process: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(size, thread_name_prefix="compiled")
+
+
+def pool(size: int) -> ThreadPoolExecutor:
+    """Threads that run launches side by side; a fork has none of its parent's."""
+    return _pool(size, os.getpid())
 
 
 def run_all(launches: Sequence[Callable[[int, int], None]], first: int, last: int) -> None:
@@ -40,6 +49,30 @@ def run_all(launches: Sequence[Callable[[int, int], None]], first: int, last: in
         launches[0](first, last)
         return
     done = [pool(len(launches)).submit(launch, first, last) for launch in launches]
-    wait(done)
+    try:
+        wait(done)
+    finally:
+        while not all(future.done() for future in done):  # Ctrl-C: they still use our memory
+            with suppress(KeyboardInterrupt):
+                wait(done)
     for future in done:
         future.result()
+
+
+def run_in_pieces(
+    count: int,
+    size: int,
+    run: Callable[[int, int], None],
+    progress: Callable[[int], object] | None = None,
+) -> None:
+    """Cover 0 to `count` in ranges that take about `PAUSE` each, the first one of `size`."""
+    first = 0
+    while first < count:
+        last = min(first + size, count)
+        begun = time.perf_counter()
+        run(first, last)
+        spent = time.perf_counter() - begun
+        if progress is not None:
+            progress(last - first)
+        size = max(1, int(size * min(16.0, PAUSE / max(spent, 1e-6))))
+        first = last

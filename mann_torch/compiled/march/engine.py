@@ -12,14 +12,15 @@ from torch import Tensor
 
 from ...errors import KernelError
 from ..host.kernels import Kernel, kernel, on_stream
-from .cores import run_all, torch_on_one_thread
+from .cores import run_all, run_in_pieces, torch_on_one_thread
 from .loop_text import FINE
-from .packing import ROOM, from_lanes, lanes_for, padded, to_lanes
+from .packing import from_lanes, lanes_for, padded, to_lanes
 from .program import Program
 
-#: Steps times samples of one launch on a core: about half a second, so that progress shows and
-#: Ctrl-C is heard.
-LAUNCH_WORK = 1_000_000
+#: Bytes of working memory, of a core and of all that work at a time.
+LIMIT = 2**32
+#: Steps of the first launch, if a state and what a step needs are no more numbers than `SMALL`.
+FIRST, SMALL = 64, 4096
 
 
 @dataclass(frozen=True)
@@ -67,9 +68,7 @@ class Marcher:
         layout = job.program.layout
         self._lanes = lanes = job.lanes_used
         self._groups = -(-self.batch // lanes)
-        parts = min(torch.get_num_threads(), self._groups) if job.device == "cpu" else 1
-        edges = [self._groups * part // parts for part in range(parts + 1)]
-        self._shares = [(low, high - low) for low, high in pairwise(edges)]
+        self._parts = min(torch.get_num_threads(), self._groups) if job.device == "cpu" else 1
         count, groups = self._groups * lanes, self._groups
         f, k = layout.size("f"), layout.size("k")
         self._constants = to_lanes(constants, lanes).to(job.device)
@@ -93,6 +92,7 @@ class Marcher:
         self._kept: tuple[Tensor | None, Tensor | None] = (None, None)
         if backward:
             self._keep(groups, f, k)
+            self._heap_size(self._backward_heap())  # too large shows before the forward pass
 
     def _empty(self, *shape: int) -> Tensor:
         return torch.empty(shape, dtype=torch.float64, device=self.job.device)
@@ -125,42 +125,60 @@ class Marcher:
         packed = struct.pack(f"{len(numbers) + len(pointers)}Q", *numbers, *pointers)
         return torch.frombuffer(bytearray(packed), dtype=torch.int64).to(self.job.device)
 
-    def _heap(self, vectors: int) -> Tensor:
-        users = 1 if self.job.device == "cpu" else self._groups
+    def _backward_heap(self) -> int:
+        """Vectors that the backward march wants."""
+        layout = self.job.program.layout
+        fine = (self._stride // FINE) * (layout.size("f") + layout.size("k"))
+        return self.job.program.backward(self._lanes, *self.job.wanted).heap + fine
+
+    def _heap_size(self, vectors: int) -> int:
+        """Bytes of a core's working memory."""
         size = 8 * self._lanes * vectors
-        if size > 4 * ROOM:
+        if size > LIMIT:
             raise KernelError(
                 f"a step of this size needs {size / 2**30:.1f} GiB of working memory on each "
-                f"core; the compiled engine's limit is {4 * ROOM / 2**30:.0f} GiB: "
+                f"core; the compiled engine's limit is {LIMIT / 2**30:.0f} GiB: "
                 "fewer slots or neurons, or engine='torch'"
             )
-        return self._empty(max(vectors, 1) * self._lanes * users)
+        return max(size, 1)
+
+    def _heap(self, vectors: int) -> Tensor:
+        users = 1 if self.job.device == "cpu" else self._groups
+        try:
+            return self._empty(max(vectors, 1) * self._lanes * users)
+        except RuntimeError as error:
+            size = self._heap_size(vectors) * users / 2**30
+            raise KernelError(f"{size:.1f} GiB of working memory cannot be had") from error
 
     @torch_on_one_thread()
     def forward(self) -> None:
         """All steps."""
         job = self.job
         text = job.program.forward(self._lanes)
-        launches = self._launches(kernel(text.text, self._lanes, job.device), text.heap, ())
-        stride = max(FINE, LAUNCH_WORK * len(self._shares) // self.batch)
-        if job.progress is None and job.n_steps < 2 * stride:
-            stride = max(job.n_steps, 1)
-        for first in range(0, job.n_steps, stride):
-            last = min(first + stride, job.n_steps)
-            with on_stream(job.device):
-                run_all(launches, first, last)
-            if job.progress is not None:
-                job.progress(last - first)
+        run = self._launch(kernel(text.text, self._lanes, job.device), text.heap, ())
+        small = text.heap + job.program.layout.size("f") <= SMALL
+        run_in_pieces(job.n_steps, FIRST if small else 1, run, job.progress)
 
-    def _launches(
+    def _launch(
         self, made: Kernel, heap: int, more: Sequence[Tensor | None]
-    ) -> list[Callable[[int, int], None]]:
-        rooms = [self._heap(heap) for _ in self._shares]
+    ) -> Callable[[int, int], None]:
+        """What runs a range of steps on as many cores as working memory allows."""
+        parts = max(1, min(self._parts, LIMIT // self._heap_size(heap)))
+        edges = [self._groups * part // parts for part in range(parts + 1)]
+        rooms = [self._heap(heap) for _ in range(parts)]
         tables = [self._table(room, heap, more) for room in rooms]
-        self._alive = (rooms, tables, more)  # the kernels see addresses alone
-        return [
-            made.prepared(table, *share) for table, share in zip(tables, self._shares, strict=True)
+        launches = [
+            made.prepared(table, low, high - low)
+            for table, (low, high) in zip(tables, pairwise(edges), strict=True)
         ]
+
+        def run(first: int, last: int, alive: object = (rooms, tables, more)) -> None:
+            with on_stream(self.job.device):
+                run_all(launches, first, last)
+            if self.job.device != "cpu":
+                torch.cuda.synchronize(self.job.device)
+
+        return run
 
     @torch_on_one_thread()
     def gradient(
@@ -168,22 +186,16 @@ class Marcher:
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Gradients of wanted constants (B, P), segments (S, B, Q) and the first carry (B, F)."""
         job, lanes = self.job, self._lanes
-        text = job.program.backward(lanes, *job.wanted)
-        made = kernel(text.text, lanes, job.device)
+        made = kernel(job.program.backward(lanes, *job.wanted).text, lanes, job.device)
         P = len(job.program.constant_columns(job.wanted[0]))
         Q = len(job.program.segment_columns(job.wanted[1]))
         adj = torch.zeros_like(self._f)
         found_c = adj.new_zeros(self._groups, P, lanes)
         found_s = adj.new_zeros(len(self._segments), self._groups, Q, lanes)
         given = [None if g is None else g.contiguous().to(job.device) for g in (motion, state)]
-        f, k = job.program.layout.size("f"), job.program.layout.size("k")
-        heap = text.heap + (self._stride // FINE) * (f + k)
-        launches = self._launches(made, heap, (adj, found_c, found_s, *given))
+        run = self._launch(made, self._backward_heap(), (adj, found_c, found_s, *given))
         blocks = -(-job.n_steps // self._stride)
-        span = max(1, LAUNCH_WORK * len(self._shares) // (4 * self.batch * self._stride))
-        for last in range(blocks, 0, -span):
-            with on_stream(job.device):
-                run_all(launches, max(0, last - span), last)
+        run_in_pieces(blocks, 1, lambda first, last: run(blocks - last, blocks - first))
         found = (from_lanes(x, self.batch).cpu() for x in (found_c, found_s, adj))
         constants, segments, first_carry = found
         return constants, segments, first_carry

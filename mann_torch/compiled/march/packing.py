@@ -5,32 +5,39 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from ...errors import KernelError
 from ..host.kernels import lanes_here
+from .loop_text import FINE
 from .program import Program
 
-#: Bytes of working memory that one core may use before a group gets fewer lanes.
-ROOM = 2**30
+#: Bytes that a core works on, beyond which a group gets one lane: more at once is slower.
+ROOM = 2**28
 
 
 def lanes_for(program: Program, batch: int, threads: int, device: str = "cpu") -> int:
     """Lanes to a group: as many as the machine has, one where cores alone serve the batch.
 
-    Fewer where the working memory of a step would be too large; one on a GPU, whose threads are
-    lanes.
+    One where the working memory of steps and their gradients would be too large, and on a GPU,
+    whose threads are lanes.
     """
     lanes = 1 if batch <= 2 * threads or device != "cpu" else lanes_here()
-    return 1 if 8 * lanes * program.forward(lanes).heap > ROOM else lanes
+    state = program.layout.size("f") + program.layout.size("k")
+    try:
+        room = 8 * lanes * (program.forward(lanes).heap + (FINE + 3) * state)
+    except KernelError:
+        return 1
+    return lanes if room <= ROOM else 1
 
 
 def to_lanes(x: Tensor, lanes: int) -> Tensor:
-    """(..., B, n) -> (..., G, n, L), the last sample again where lanes are left over."""
+    """(..., B, n) -> (..., G, n, L), a copy; the last sample again where lanes are left over."""
     batch = x.shape[-2]
     groups = -(-batch // lanes)
     if groups * lanes != batch:
         last = x[..., -1:, :].expand(*x.shape[:-2], groups * lanes - batch, x.shape[-1])
         x = torch.cat([x, last], dim=-2)
     x = x.unflatten(-2, (groups, lanes))
-    return x.mT.contiguous()
+    return x.mT.clone(memory_format=torch.contiguous_format)
 
 
 def from_lanes(x: Tensor, batch: int) -> Tensor:

@@ -13,7 +13,6 @@ from torch.fx import GraphModule
 
 from ..cpp.plan import Output
 from ..graph.nodes import Graph, Node, reachable
-from ..graph.views import forget_cuts
 from ..lowering import lower
 from ..trace.telling import UntraceableError
 from ..trace.tracing import told, trace, trace_vjp
@@ -61,7 +60,6 @@ class Program:
         self.layout = dataclasses.replace(self.given, constants=kept)
         self._graph = Graph()
         found = self._results(lower(self._graph, made, self._inputs()))
-        forget_cuts()
         return found
 
     def _constants_in(self, made: GraphModule) -> tuple[int, ...]:
@@ -69,7 +67,6 @@ class Program:
         g = Graph()
         inputs = self.given.inputs(g)
         results = lower(g, made, inputs)
-        forget_cuts()
         seen = {node.number for node in reachable(results)}
         first = self.given.clock
         count = len(self.given.constants)
@@ -159,7 +156,6 @@ class Program:
         for i in layout.floating:
             inputs.append(g.input("adj", layout.carry_places[i][1], layout.carry[i].shape, "f"))
         found = lower(g, made, inputs)
-        forget_cuts()
         shapes = [layout.constants[i].shape for i in constants]
         segment_shapes = [layout.segments[i] for i in segments]
         places = [("g_constant", o) for o in offsets(shapes)]

@@ -6,9 +6,6 @@ import linecache
 import os
 import re
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any
 
 import torch
 from torch.fx import Node
@@ -23,26 +20,6 @@ _FRAME = re.compile(r'\s*File "(.+)", line (\d+), in (.+)')
 
 class UntraceableError(MannError):
     """A step that cannot be compiled; the message says which operation, where, and why."""
-
-
-def _whole(tracer: Any, user_stack_summary: traceback.StackSummary) -> traceback.StackSummary:
-    return user_stack_summary
-
-
-@contextmanager
-def whole_trails() -> Iterator[None]:
-    """Let traces note every line on the way to an operation: torch keeps those of `forward`."""
-    from torch.fx.proxy import TracerBase
-
-    kept = TracerBase.__dict__.get("_filter_traceback_frames")
-    if kept is None:  # another version of torch: fewer lines
-        yield
-        return
-    TracerBase._filter_traceback_frames = _whole  # type: ignore[assignment, method-assign]
-    try:
-        yield
-    finally:
-        TracerBase._filter_traceback_frames = kept  # type: ignore[method-assign]
 
 
 def explained(error: Exception) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import functools
 import threading
+import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -22,7 +23,7 @@ from torch.fx import GraphModule, Node
 from torch.nn.attention import SDPBackend, sdpa_kernel
 
 from .choosing import Choosing
-from .telling import UntraceableError, explained, source_of, whole_trails
+from .telling import UntraceableError, explained, source_of
 
 #: A function of tensors to tensors, in flat lists.
 Function = Callable[[Sequence[Tensor]], Sequence[Tensor]]
@@ -68,6 +69,26 @@ def _decompositions() -> dict[Any, Callable[..., Any]]:
     return {k: v for k, v in table.items() if getattr(k, "overloadpacket", None) not in whole}
 
 
+def _whole(tracer: Any, user_stack_summary: traceback.StackSummary) -> traceback.StackSummary:
+    return user_stack_summary
+
+
+@contextmanager
+def _whole_trails() -> Iterator[None]:
+    """Let traces note every line on the way to an operation: torch keeps those of `forward`."""
+    from torch.fx.proxy import TracerBase
+
+    kept = TracerBase.__dict__.get("_filter_traceback_frames")
+    if kept is None:  # another version of torch: fewer lines
+        yield
+        return
+    TracerBase._filter_traceback_frames = _whole  # type: ignore[assignment, method-assign]
+    try:
+        yield
+    finally:
+        TracerBase._filter_traceback_frames = kept  # type: ignore[method-assign]
+
+
 def told(make: Callable[[], Found]) -> Found:
     """What `make` traces; if it can't, once more with source lines, which cost time."""
     try:
@@ -75,7 +96,7 @@ def told(make: Callable[[], Found]) -> Found:
     except UntraceableError:
         token = _SOURCES.set(True)
         try:
-            with _LOCK, whole_trails():
+            with _LOCK, _whole_trails():
                 return make()
         finally:
             _SOURCES.reset(token)
