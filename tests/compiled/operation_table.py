@@ -159,6 +159,7 @@ torch.linalg.slogdet(mm)[0]; torch.cdist(a, b, p=1.0); torch.cdist(c, c.flip(1))
 torch.linalg.det(m.mT); torch.linalg.det(m.mT @ m); torch.linalg.det(mm.mT)
 torch.linalg.slogdet(m.mT)[1]; torch.logdet(spd.mT); torch.eye(3, 4, dtype=a.dtype) @ a
 torch.eye(2).double() @ v[:2]; torch.var_mean(a)[1]; torch.linalg.solve(m[:1, :1], v[:1])
+torch.matrix_exp(m * 0.1); torch.linalg.matrix_exp(3.0 * mm); torch.matrix_exp(m[:1, :1] - 40.0)
 torch.linalg.solve(m[:2, :2], v[:2]); torch.linalg.inv(m[:2, :2]); torch.linalg.inv(m[:1, :1])
 torch.linalg.solve(big, big[0]); torch.linalg.inv(big); torch.linalg.solve(m.flip(0), v)
 torch.linalg.solve(m - torch.diag(torch.diag(m)), v)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import os
 import signal
 import subprocess
@@ -16,13 +15,12 @@ import torch
 from torch import Tensor
 
 import mann_torch as mt
+from mann_torch.compiled.march import engine as march_engine
 from mann_torch.trees import leaves
 from mann_torch.types import NetworkState, PlantState
 from tests.conftest import randn
 from tests.simulation.loops import NAMES, Case, case, freed
 
-#: (The package's name `march` is that of a function too.)
-march_engine = importlib.import_module("mann_torch.compiled.march.engine")
 LANES = (1, 2, 4, 8)
 #: Each is some seconds of compiling; all run with `make check`.
 QUICK = ("nn", "reallocating_always_state_keys")
@@ -158,7 +156,7 @@ def test_a_sample_that_diverges_spoils_no_gradient(name: str) -> None:
         torch.testing.assert_close(mine, other, rtol=1e-9, atol=1e-9 * float(other.abs().max()))
 
 
-@pytest.mark.parametrize("steps", [1, 31, 32, 33, 65, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("steps", [1, 31, 32, 33, 65, 300, 1000])
 def test_checkpoints_far_apart_change_no_bit(steps: int) -> None:
     solver = mt.Implicit()
     made = case("nn", steps * solver.dt, batch=11)
@@ -227,6 +225,8 @@ def test_ctrl_c_is_heard_and_nothing_is_left_running(side: str, threads: int) ->
         stdout=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        # A shell's background job ignores SIGINT, and so would its children.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
     assert process.stdout is not None
     lines = iter(process.stdout.readline, "")

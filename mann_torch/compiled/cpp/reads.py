@@ -24,6 +24,7 @@ GREEDY = (
     "lu_solve",
     "cholesky",
     "triangular",
+    "matrix_exp",
     "cummax",
     "cummin",
     "reshape",

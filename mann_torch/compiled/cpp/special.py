@@ -9,7 +9,7 @@ from ..graph.nodes import IndexMap, Node
 from .expressions import type_of
 from .homes import at, choose, element, flat, home_of, rows_of
 from .indices import index_text, linear
-from .systems import cholesky, lu, lu_part, lu_solve, triangular
+from .systems import cholesky, lu, lu_part, lu_solve, matrix_exp, triangular
 
 if TYPE_CHECKING:
     from .writer import Writer
@@ -161,6 +161,7 @@ SPECIAL: dict[str, Callable[[Any, Node], None]] = {
     "lu_solve": lu_solve,
     "cholesky": cholesky,
     "triangular": triangular,
+    "matrix_exp": matrix_exp,
     "cummax": _running,
     "cummin": _running,
 }

@@ -142,6 +142,11 @@ def _cholesky_solve(g: Graph, kind: str, B: Node, L: Node, upper: bool = False) 
     return solve_triangular(g, kind, right, half, upper=True)
 
 
+@lowers("linalg_matrix_exp.default")
+def _matrix_exp(g: Graph, kind: str, A: Node) -> Node:
+    return g.node("matrix_exp", (A,), A.shape, "f")
+
+
 @lowers("cholesky_inverse.default")
 def _cholesky_inverse(g: Graph, kind: str, L: Node, upper: bool = False) -> Node:
     return _cholesky_solve(g, kind, eye(g, L.shape), L, upper)
