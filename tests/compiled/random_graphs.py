@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
+import warnings
 from typing import Any
 
 import torch
@@ -14,7 +14,12 @@ from .marching import Function, Inputs
 #: No value grows larger than this.
 LARGEST = 48
 
-Maker = Callable[[random.Random, Tensor], tuple[str, Callable[[Tensor], Tensor]] | None]
+
+def put(x: Tensor, where: Any, value: Any) -> Tensor:
+    """A copy of x with `value` assigned to a part."""
+    x = x.clone()
+    x[where] = value
+    return x
 
 
 def inputs(samples: int, seed: int) -> Inputs:
@@ -46,6 +51,13 @@ torch.where({0} > 0.1, {0}, 0.3 * {0})|torch.where({0}.abs() < 0.5, {0}.square()
 torch.nn.functional.silu({0})|{0}.clone().mul_(1.5).add_(0.2)
 {0}.flatten()|{0}.reshape(-1).flip(0)|{0}.unsqueeze(-1)|{0}.unsqueeze(0)|{0}.squeeze()
 torch.zeros_like({0}) + {0}|{0} * torch.tensor(1.25, dtype=torch.float64)|torch.rad2deg({0}) / 50.0
+torch.round(3.0 * {0}) + {0}|torch.frac({0})|torch.trunc(2.0 * {0}) * {0}|torch.acosh(1.5 + {0} ** 2)
+torch.asinh({0})|torch.atanh(0.5 * torch.tanh({0}))|torch.cosh(torch.tanh({0}))|torch.erfc({0})
+torch.exp2(torch.tanh({0}))|torch.log2(1.5 + {0} ** 2)|torch.log10(1.5 + {0} ** 2)|torch.rsqrt(1.0 + {0} ** 2)
+torch.nan_to_num({0})|torch.nn.functional.leaky_relu({0})|torch.nn.functional.hardtanh({0})
+torch.nn.functional.mish({0})|torch.nn.functional.logsigmoid({0})|torch.nn.functional.celu({0})
+torch.stack(({0}, -{0})).amax(0)|torch.fmod({0}, 0.7) + {0}|torch.remainder({0}, 0.7)|{0}.long().double() * {0}
+torch.where(torch.isfinite({0}), {0}, 0.0)|({0}.detach() // 0.3) * {0}|(1.5 + {0}.abs()) ** -1.5|({0}[None] + {0}[None]).squeeze(0)
 """.replace("\n", "|").strip("|").split("|")  # fmt: skip
 #: One operand of at least one dimension; D is one of them.
 ALONG = """
@@ -57,6 +69,16 @@ torch.stack([{0}, {0}.cos()], D)|torch.roll({0}, 1, D)|{0}.argmax(D).double() + 
 {0}.gather(D, {0}.argsort(D))|{0}.chunk(2, D)[0]|{0}.unbind(D)[0]|{0} - {0}.mean(D, keepdim=True)
 ({0} > {0}.mean(D, keepdim=True)).double() * {0}|{0}.repeat_interleave(2, D)|{0}.cumprod(D)
 torch.nn.functional.pad({0}, (1, 0)).diff(dim=-1)|{0}.movedim(D, 0)|{0}.index_select(D, torch.tensor([0]))
+{0}.var(D)|{0}.norm(p=1, dim=D)|torch.linalg.vector_norm({0}, float('inf'), D)|{0}.median(D).values|{0}.kthvalue(1, D).values
+{0}.cummax(D).values|{0}.cummin(D).values|torch.nn.functional.normalize({0} + 2.0, dim=D)|{0}.diff(dim=D)
+{0}.scatter_add(D, {0}.argsort(D), {0}.sin())|torch.take_along_dim({0}, {0}.argsort(D), D)|{0}.unfold(D, 1, 1)
+{0}.scatter(D, {0}.argmax(D, keepdim=True), 0.5)|{0}.argmin(D, keepdim=True).double() + {0}|{0}.tensor_split(2, D)[0]
+({0} > 0).any(D).double()|({0} > 0).all(D, keepdim=True) * {0}|torch.count_nonzero({0} > 0, D).double()|{0}.quantile(0.3, D)
+{0}.index_fill(D, torch.tensor([0]), 0.25)|{0}.index_add(D, torch.tensor([0]), {0}.narrow(D, 0, 1))|torch.roll({0}, -1, D)
+{0}.index_select(D, torch.tensor([-1 % {0}.shape[D], 0]))|torch.cat([{0}.narrow(D, 0, 0), {0}], D)|torch.nn.functional.softmin({0}, D)
+put({0}.movedim(D, 0), 0, 0.5)|put({0}.movedim(D, 0), slice(1, None), {0}.movedim(D, 0)[:-1])|put({0}.movedim(D, 0), -1, {0}.movedim(D, 0)[0].cos())
+put({0}.movedim(D, 0), slice(None, None, 2), 0.1)|{0}.movedim(D, 0)[s['k'][0] % 1]|{0}.movedim(D, 0)[s['k'] % {0}.shape[D]]
+torch.searchsorted({0}.movedim(D, -1).sort(-1).values.contiguous(), {0}.movedim(D, -1).contiguous()).double() + {0}.movedim(D, -1)
 """.replace("\n", "|").strip("|").split("|")  # fmt: skip
 #: One operand of at least two dimensions.
 MATRIX = """
@@ -66,6 +88,15 @@ torch.linalg.solve({0} @ {0}.mT + 2.0 * torch.eye({0}.shape[-2], dtype=torch.flo
 torch.linalg.inv({0} @ {0}.mT + 2.0 * torch.eye({0}.shape[-2], dtype=torch.float64))
 torch.linalg.det({0} @ {0}.mT / 4.0 + torch.eye({0}.shape[-2], dtype=torch.float64))
 torch.linalg.norm({0} + 1.0)|torch.diag_embed({0}[..., 0])
+torch.linalg.cholesky({0} @ {0}.mT + 2.0 * torch.eye({0}.shape[-2], dtype=torch.float64))|{0}.diagonal(1).sum()
+torch.linalg.slogdet({0} @ {0}.mT + torch.eye({0}.shape[-2], dtype=torch.float64))[1]|torch.kron({0}[:2, :2], {0}[:2, :1])
+torch.linalg.solve_triangular({0} @ {0}.mT + 3.0 * torch.eye({0}.shape[-2], dtype=torch.float64), {0}, upper=False)
+torch.nn.functional.pad({0}, (1, 0, 0, 2))|torch.nn.functional.pad({0}, (-1, 1), value=0.5)|{0}.triu(1)|{0}.tril(-1)
+put({0}, (slice(1, None), 0), 0.5)|put({0}, (..., -1), {0}[..., 0].sin())|put({0}, ({0} > 0.3), 0.3)|torch.tensordot({0}, {0}, 2)
+torch.einsum('...ij,...kj->...ik', {0}, {0})|torch.einsum('...ij->...i', {0})|torch.cdist({0}, {0} + 1.0)|{0}.repeat(2, 1)
+({0} @ {0}.mT).diagonal(dim1=-2, dim2=-1)|torch.block_diag({0}[:2, :2], {0}[:1, :1])|{0}.expand(2, *{0}.shape)|torch.rot90({0})
+torch.nn.functional.layer_norm({0}, ({0}.shape[-1],))|torch.nn.functional.cosine_similarity({0}, {0} + 1.0, dim=-1)
+torch.nn.functional.scaled_dot_product_attention({0}, {0}, {0})|{0}.var((-2, -1))|{0}.logsumexp((-2, -1))|{0}.amax((-2, -1), keepdim=True)
 """.replace("\n", "|").strip("|").split("|")  # fmt: skip
 #: Two operands that broadcast.
 BINARY = """
@@ -74,6 +105,11 @@ torch.atan2({0}, 1.5 + {1}.abs())|torch.where({0} > {1}, {0}, 2.0 * {1})|torch.h
 torch.addcmul({0}, {1}, {1}, value=-0.5)|torch.lerp({0}, {1}, 0.3)|({0} < {1}) * {0} + {1}
 torch.logaddexp({0}, {1})|torch.fmod({0}, 1.3 + {1}.abs()) + {0}|torch.copysign({0}, {1}) + {1}
 torch.where(torch.logical_or(({0} > 0) & ({1} < 0.5), {0} < -1), {1}, {0})|{0} * ({1} != 0.0)
+torch.fmax({0}, {1})|torch.fmin({0}, {1})|torch.clamp({0}, {1} - 0.5, {1} + 0.5)|torch.addcdiv({0}, {1}, 1.5 + {1} ** 2, value=0.3)
+torch.remainder({0}, 1.3 + {1}.abs().detach())|torch.cat([{0}.flatten(), {1}.flatten()])|torch.dist({0} + 3.0, {1})
+torch.stack(torch.broadcast_tensors({0}, {1}))|torch.bucketize({0}, {1}.flatten().sort().values.contiguous()).double() * {1}.sum()
+torch.nn.functional.smooth_l1_loss(*torch.broadcast_tensors({0}, {1} + 0.3))|torch.xlogy({0}, 1.5 + {1} ** 2)|torch.atan2({0} + 5.0, {1})
+torch.outer({0}.flatten(), {1}.flatten()[:3])|({0} >= {1}).double().sum() * {0}|torch.where({0} > {1}, 0.5, {0})|torch.heaviside({0}.detach(), {1}.detach()) * {0}
 """.replace("\n", "|").strip("|").split("|")  # fmt: skip
 #: Of named inputs.
 SPECIAL = """
@@ -83,6 +119,13 @@ torch.where(s['m'], s['b'], -torch.inf).softmax(0)|s['b'] * s['m']|s['k'] * s['b
 torch.zeros(3, dtype=torch.float64).scatter_add(0, s['k'] % 3, s['b'])|torch.nn.functional.one_hot(s['k'].abs(), 4).double() @ s['a'].mT
 s['a'].index_add(1, s['k'] % 4, s['a'])|torch.masked_fill(s['a'], s['m'], 0.5)|s['a'][s['k'] % 3, 1]|torch.arange(4, dtype=torch.float64) * s['b']
 torch.cross(s['y'], s['x'][:1].expand(3, 3), dim=-1)|torch.linspace(0, 1, 4, dtype=torch.float64) + s['z']
+s['a'][:, s['k'][0]]|s['a'][s['k'][1] % 3, s['k'][0]]|s['y'][s['k'][0] % 2] * s['b'][:3]|torch.stack([s['b'][3], s['b'][1]])
+(s['k'] & 1).double() * s['b']|torch.where(s['k'] % 2 == 0, s['b'], -s['b'])|s['k'].cumsum(0).double()|s['k'].sort().values * s['b']
+torch.eye(3, dtype=torch.float64) @ s['y']|torch.tensor([0.1, 0.2, 0.3, 0.4]) * s['b']|torch.tensor(0.1) * s['x']|torch.linspace(0, 1, 4) * s['b']
+torch.linalg.lu_solve(*torch.linalg.lu_factor(s['y'] + 4.0 * torch.eye(3, dtype=torch.float64)), s['x'].mT)|torch.logical_xor(s['m'], s['k'] > 0) * s['b']
+s['m'].long().cumsum(0) * s['b']|torch.stack([s['c'].cos(), -s['c'].sin(), s['c'].sin(), s['c'].cos()]).reshape(2, 2) @ s['x']
+s['b'].gather(0, s['k'] % 4)|s['b'].scatter(0, s['k'][:1] % 4, s['a'][0, :1])|s['a'][[0, 2]][:, [1, 1]]|s['a'][[0, 2], :][:, s['k'] % 4]
+torch.trapezoid(s['a'], dx=0.1)|torch.einsum('ij,kj,k->i', s['a'], s['a'], s['y'][0])
 """.replace("\n", "|").strip("|").split("|")  # fmt: skip
 
 
@@ -91,10 +134,12 @@ def random_graph(seed: int, example: dict[str, Tensor]) -> tuple[str, Function]:
     draw = random.Random(seed)
     lines: list[str] = []
     values: dict[str, Tensor] = {f"s['{n}']": v for n, v in example.items() if n in "abcxyz"}
-    while len(lines) < draw.randint(3, 8):
+    while len(lines) < draw.randint(2, 6):
         text = _operation(draw, values)
         try:
-            value = eval(text, {"torch": torch}, {"s": example, **_locals(values)})
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of what will not be taken
+                value = eval(text, {"torch": torch, "put": put}, {"s": example, **_locals(values)})
         except (RuntimeError, IndexError, TypeError):
             continue  # shapes that do not fit
         if not 0 < value.numel() <= LARGEST or not bool((value.abs() < 30).all()):
@@ -102,10 +147,12 @@ def random_graph(seed: int, example: dict[str, Tensor]) -> tuple[str, Function]:
         name = f"v{len(lines)}"
         lines.append(f"{name} = {text}")
         values[name] = value
-    last = [f"v{i}" for i in range(max(0, len(lines) - 2), len(lines))]
-    lines.append("return torch.cat([" + ", ".join(f"{v}.reshape(-1)" for v in last) + "])")
-    body = "def f(s):\n" + "\n".join("    " + line for line in lines)
-    names: dict[str, Any] = {"torch": torch}
+    unread = [
+        f"v{i}" for i in range(len(lines)) if not any(f"v{i}" in line for line in lines[i + 1 :])
+    ]
+    lines.append("return torch.cat([" + ", ".join(f"{v}.reshape(-1)" for v in unread) + "])")
+    body = f"def f(s):  # graph {seed}\n" + "\n".join("    " + line for line in lines)
+    names: dict[str, Any] = {"torch": torch, "put": put}
     exec(compile(body, f"graph {seed}", "exec"), names)
     return body, names["f"]
 

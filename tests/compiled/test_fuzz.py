@@ -23,12 +23,15 @@ def test_random_graphs_and_their_gradients(number: int) -> None:
     print(f"{len(graphs)} graphs: largest difference {worst:.1e}")
 
 
-def test_bits_depend_neither_on_the_batch_nor_on_threads() -> None:
+@pytest.mark.parametrize("threads", [1, 2])
+def test_bits_depend_neither_on_the_batch_nor_on_threads(threads: int) -> None:
+    torch.set_num_threads(threads)
     given = inputs(11, seed=77)
-    graphs = [random_graph(9000 + i, given.sample(0))[1] for i in range(20)]
+    graphs = [random_graph(9000 + i, given.sample(0))[1] for i in range(12)]
     together = Together(graphs, given)
-    rows = together.run(given)
+    weights = torch.ones(11, sum(r.numel() for r in together.results), dtype=torch.float64)
+    rows = together.run(given, weights)  # in lanes
     for number in range(11):
-        alone = together.run(given.rows([number]))
+        alone = together.run(given.rows([number]), weights[:1])  # in one
         for mine, other in zip(alone, rows, strict=True):
             assert torch.equal(mine[0].nan_to_num(7.0), other[number].nan_to_num(7.0))

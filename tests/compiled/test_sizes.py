@@ -13,10 +13,7 @@ import torch
 from torch import Tensor
 
 import mann_torch as mt
-from mann_torch.compiled import Layout, Leaf, Program
 from mann_torch.compiled.march import engine, kernel_text, packing
-from mann_torch.compiled.march.agreement import check_agreement
-from mann_torch.errors import KernelError
 from mann_torch.simulation import compiled_engine
 from tests.conftest import generator, make_loop, make_scenario
 from tests.simulation.loops import case
@@ -70,11 +67,26 @@ def check(attention, n_slots, n_hidden, batch, threads, steps, backward):
 """
 
 
-def run_all(*cases: tuple[object, ...]) -> None:
+SOLVE = """
+from mann_torch.compiled import Layout, Leaf, Program
+from mann_torch.compiled.march.agreement import check_agreement
+
+def step(clock, constants, segments, noise, carry):
+    return [torch.linalg.solve(constants[0], carry[0])]
+
+n = 400
+layout = Layout(0, (Leaf((n, n)),), (), (), (Leaf((n, n)),), 0, ())
+start = torch.Generator().manual_seed(0)
+A, B = (torch.randn(n, n, generator=start, dtype=torch.float64) for _ in range(2))
+check_agreement(Program(step, layout, [A + 20 * torch.eye(n), B]), 8, ((0,), ()))
+"""
+
+
+def run_all(*cases: tuple[object, ...], more: str = "") -> None:
     """In a process of its own: a stack that runs over must fail a test and not end them all."""
-    calls = "\n".join(f"check{one!r}" for one in cases)
+    code = "\n".join([CODE, *(f"check{one!r}" for one in cases), more])
     done = subprocess.run(
-        [sys.executable, "-c", f"{CODE}\n{calls}"],
+        [sys.executable, "-c", code],
         capture_output=True,
         text=True,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
@@ -83,11 +95,12 @@ def run_all(*cases: tuple[object, ...]) -> None:
     assert done.returncode == 0, (done.returncode, done.stderr[-2000:])
 
 
-def test_four_thousand_slots_and_six_thousand_neurons() -> None:
+def test_slots_neurons_and_linear_systems_by_thousands() -> None:
     run_all(
         ("hard", 4000, 10, 5, 2, 3, False),  # attention, slots, neurons, batch, threads, steps
         ("nn", 0, 6000, 1, 1, 3, False),
         ("hard", 4, 300, 20, 2, 3, False),
+        more=SOLVE,
     )
 
 
@@ -186,17 +199,3 @@ def test_a_smaller_stack_gives_the_same_bits(name: str, monkeypatch: pytest.Monk
         found.append([run.q.detach(), *torch.autograd.grad(run.q.square().sum(), gain)])
     compiled_engine._PROGRAMS.clear()
     assert all(torch.equal(a, b) for a, b in zip(*found, strict=True))
-
-
-def test_linear_systems_beyond_the_stack_are_refused_by_name() -> None:
-    def step(clock, constants, segments, noise, carry):  # type: ignore[no-untyped-def]
-        return [torch.linalg.solve(constants[0], carry[0])]
-
-    def program(n: int) -> Program:
-        layout = Layout(0, (Leaf((n, n)),), (), (), (Leaf((n, n)),), 0, ())
-        return Program(step, layout, [torch.eye(n).double(), torch.eye(n).double()])
-
-    check_agreement(program(100), 8)
-    assert packing.lanes_for(program(200), 20, 1) == 1
-    with pytest.raises(KernelError, match=r"MiB of stack; .* limit is 1 MiB"):
-        program(200).forward(8)

@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 import torch
 
@@ -146,6 +147,31 @@ def test_a_number_of_a_module_changed_between_rollouts_counts() -> None:
         torch.testing.assert_close(*pair, rtol=1e-13, atol=1e-14)
         found.append(pair[0])
     assert torch.equal(found[0], found[2]) and not torch.equal(found[0], found[1])
+
+
+class Weighted(Lukewarm):
+    """One with numbers in an array."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.shares = np.array([0.5, 0.3, 0.2])
+
+    def forward(self, comparison: Comparison, active: torch.Tensor) -> torch.Tensor:
+        return super().forward(comparison, active) * float(self.shares[0]) * 2.0
+
+
+def test_an_array_of_a_module_changed_in_place_counts() -> None:
+    attention, found = Weighted(), []
+    loop = own_loop(attention)
+    for share in (0.5, 0.4):
+        attention.shares[0] = share
+        pair = [
+            mt.rollout(loop, make_scenario(0.1), generator=generator(), engine=e).qd
+            for e in ("fused", "torch")
+        ]
+        torch.testing.assert_close(*pair, rtol=1e-13, atol=1e-14)
+        found.append(pair[0])
+    assert not torch.equal(*found)
 
 
 def test_a_derivative_is_that_of_the_numbers_that_were_run() -> None:

@@ -197,6 +197,7 @@ def _where(g: Graph, kind: str, condition: Node, a: Any, b: Any) -> Found:
     "lift_fresh.default",
     "contiguous.default",
     "prims.convert_element_type.default",
+    "prims.copy_strided.default",
     "convert_element_type.default",
 )
 def _copy(g: Graph, kind: str, x: Node, *_: Any, **__: Any) -> Found:

@@ -6,9 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from ...errors import KernelError
 from ..cpp.expressions import type_of
-from ..cpp.plan import Output, Plan
+from ..cpp.plan import Output
 from ..cpp.writer import Writer
 from ..lanes.library import lane_library
 from ..lanes.linear import linear_library
@@ -18,8 +17,6 @@ from .loop_text import BACKWARD, COMMON, FINE, FORWARD, GATHER, TOOLS
 
 #: Bytes of arrays that a step may keep on the stack; beyond that they lie in the caller's memory.
 STACK = 256 * 1024
-#: Bytes that the solving of linear systems may take of the stack besides.
-SOLVING = 1024 * 1024
 #: Turns of a loop that are written out, by number of lanes.
 _UNROLL = {1: 16, 2: 8, 4: 4, 8: 4}
 _SIGNATURE = (
@@ -117,12 +114,6 @@ def _function(
     arrays = writer.plan.arrays
     total = sum(size for size, _ in arrays.values())
     declared, room = [], 0
-    solving = 8 * lanes * _scratch(writer.plan)
-    if solving > SOLVING:
-        raise KernelError(
-            f"the linear systems of a step take {solving / 2**20:.1f} MiB of stack; the compiled "
-            f"engine's limit is {SOLVING / 2**20:.0f} MiB: smaller systems, or engine='torch'"
-        )
     if total * 8 * lanes <= STACK:
         declared = [f"{type_of(kind)} {array}[{n}];" for array, (n, kind) in arrays.items()]
     else:
@@ -147,16 +138,6 @@ def _function(
   }}
 }};"""
     return text, room
-
-
-def _scratch(plan: Plan) -> int:
-    """Vectors that linear systems keep on the stack, see `cpp/systems.py`."""
-    nodes = [group.nodes[0] for group in plan.groups]
-    factors = sum(
-        2 * (node.size // node.shape[-1]) for node in nodes if node.op == "lu" and node.size
-    )
-    solved = [math.prod(node.shape[-2:]) for node in nodes if node.op == "lu_solve"]
-    return factors + max(solved, default=0)
 
 
 def _ranges(layout: Layout) -> list[tuple[int, int, int]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ...errors import KernelError
 from ..host.kernels import lanes_here
 from .loop_text import FINE
 from .program import Program
@@ -22,10 +21,7 @@ def lanes_for(program: Program, batch: int, threads: int, device: str = "cpu") -
     """
     lanes = 1 if batch <= 2 * threads or device != "cpu" else lanes_here()
     state = program.layout.size("f") + program.layout.size("k")
-    try:
-        room = 8 * lanes * (program.forward(lanes).heap + (FINE + 3) * state)
-    except KernelError:
-        return 1
+    room = 8 * lanes * (program.forward(lanes).heap + (FINE + 3) * state)
     return lanes if room <= ROOM else 1
 
 

@@ -6,6 +6,7 @@ import types
 from collections.abc import Hashable
 from typing import Any
 
+import numpy as np
 from torch import Tensor, nn
 
 #: What every module has: tensors and parts, told otherwise, and hooks, with which none is compiled.
@@ -28,6 +29,8 @@ class Fingerprint:
             return (type(value), repr(value) if not isinstance(value, type) else value)
         if isinstance(value, Tensor):
             return ("tensor", value.dtype, value.dim())
+        if isinstance(value, np.ndarray) and value.dtype != object:
+            return ("array", value.dtype.str, value.shape, value.tobytes())
         if isinstance(value, nn.Module):
             return self._module(value, depth)
         if depth < _DEPTH:
