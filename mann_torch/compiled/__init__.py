@@ -7,20 +7,27 @@ knows an arm, an attention or a controller: a step is a function of lists of ten
 Warp is imported when a kernel is first made.
 """
 
+from .events.program import EVENT_LEAVES, EventProgram, HybridStep, Places
 from .host.kernels import missing
 from .march.autograd import Marched, march
 from .march.engine import Job
 from .march.layout import Layout, Leaf
 from .march.program import Program
+from .march.scope import Arguments
 from .trace.frozen import frozen
 from .trace.telling import UntraceableError
 from .trace.tracing import transformed, with_tensors
 
 __all__ = [
+    "EVENT_LEAVES",
+    "Arguments",
+    "EventProgram",
+    "HybridStep",
     "Job",
     "Layout",
     "Leaf",
     "Marched",
+    "Places",
     "Program",
     "UntraceableError",
     "frozen",

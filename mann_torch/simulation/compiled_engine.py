@@ -10,13 +10,23 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ..compiled import Job, Marched, Program, UntraceableError, march, missing, transformed
+from ..compiled import (
+    EventProgram,
+    Job,
+    Marched,
+    Program,
+    UntraceableError,
+    march,
+    missing,
+    transformed,
+)
 from ..compiled.march.agreement import check_agreement
 from ..compiled.trace.fingerprint import Fingerprint
 from ..signals import Reference
 from ..trees import rebuilt
 from ..types import LoopState
 from .closed_loop import ClosedLoop
+from .loop_events import LoopEvents, counts_of
 from .loop_rows import Rows, coefficient_leaves, task_rows
 from .loop_step import (
     LoopStep,
@@ -56,7 +66,8 @@ def run(task: Task) -> Record:
     loop_side, reference_side = loop_parts(task), reference_parts(task, reference)
     coefficients, template = coefficient_leaves(task)
     names = [part.name for part in loop_side], [part.name for part in reference_side]
-    step = LoopStep(task, reference, template, *names)
+    kind = LoopEvents if task.hybrid else LoopStep
+    step = kind(task, reference, template, *names)
     rows = task_rows(task, step, [*loop_side, *reference_side], coefficients)
     program = _program(task, reference, step, rows)
     constants = [rows.constants[i] for i in program.used]
@@ -101,7 +112,7 @@ def _program(task: Task, reference: Reference, step: LoopStep, rows: Rows) -> Pr
     layout = step.layout(one, segment)
     prints = Fingerprint()
     parts = (task.loop, task.solver, reference)
-    form = [type(x).__name__ for x in (task.state, task.mode)]
+    form = [type(x).__name__ for x in (task.state, task.mode, step)]
     key = (
         tuple(prints.of(part) for part in parts), layout, task.noise is None,
         str(step.form()), tuple(form),
@@ -115,8 +126,11 @@ def _program(task: Task, reference: Reference, step: LoopStep, rows: Rows) -> Pr
             noise = [torch.zeros(n, dtype=torch.float64) for (n,) in layout.noise]
             carry = [c[0].detach() for c in rows.carry]
             try:
-                made: Program | UntraceableError = Program(
-                    step.freeze(), layout, [*clock, *one, *segment, *noise, *carry]
+                examples = [*clock, *one, *segment, *noise, *carry]
+                made: Program | UntraceableError = (
+                    EventProgram(step.freeze(), layout, examples)
+                    if isinstance(step, LoopEvents)
+                    else Program(step.freeze(), layout, examples)
                 )
             except UntraceableError as error:
                 made = error
@@ -185,7 +199,8 @@ def _record(task: Task, step: LoopStep, program: Program, found: Marched) -> Rec
     motion = found.motion[:rows].reshape(rows, *batch, -1)
     shape = (samples, *batch)
     state, _, mode = step.split(_carry(program, found.state_f, found.state_k, shape))
-    mode_last = step.split(_carry(program, found.last_f, found.last_k, tuple(batch)))[2]
+    last = _carry(program, found.last_f, found.last_k, tuple(batch))
+    mode_last = step.split(last)[2]
     kinds = torch.tensor([int(code) for code in _KINDS])
     leaf = torch.where(failed, found.cause // 10, -1).long().reshape(batch)
     return Record(
@@ -200,6 +215,7 @@ def _record(task: Task, step: LoopStep, program: Program, found: Marched) -> Rec
         leaf=leaf,
         engine="fused",
         reason=REASON,
+        events=counts_of(last[-2]) if task.hybrid else None,
     )
 
 

@@ -78,7 +78,8 @@ def task_rows(
     sums = [squared.reshape(len(state[0]), -1)]
     if task.effort_after is not None:
         sums += [torch.zeros_like(state[0])] * 3
-    return Rows(constants, columns, step.join(state, sums, mode))
+    carry = [*step.join(state, sums, mode), *step.extra(batch.numel())]
+    return Rows(constants, columns, carry)
 
 
 def _batched(leaf: Tensor, batch: torch.Size) -> Tensor:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import torch
 from torch import Tensor, nn
 
 from ..compiled import Layout, Leaf, frozen, with_tensors
 from ..constraints import DesignModule
+from ..plants.plant import Coefficients
 from ..signals import Reference, scaled
 from ..trees import Packer, leaves, map_tensors, rebuilt
-from ..types import LoopState, Mode
+from ..types import LoopState, Measurement, Mode
 from .flat_flow import flat_rates
 from .step_grid import MERGE
 from .stepping import advance
@@ -92,6 +94,14 @@ def reference_parts(task: Task, single: Reference) -> list[Part]:
     return parts
 
 
+class Bound(NamedTuple):
+    """What a step reads besides its loop and its reference."""
+
+    coefficients: Coefficients
+    noise: Measurement | None
+    horizon: Tensor
+
+
 class LoopStep:
     """The step of a task: jump, flow, and what is summed up on the way.
 
@@ -119,8 +129,9 @@ class LoopStep:
         self._loop_names, self._reference_names = loop_names, reference_names
         self._effort, self._noise = task.effort_after is not None, task.noise is not None
         self._packer = Packer(self._state, 0)
+        self.n_sums = 4 if self._effort else 1
 
-    def freeze(self) -> LoopStep:
+    def freeze(self) -> Self:
         """Keep to copies of loop, reference and solver: nobody else sees them traced or changed."""
         self._loop, self._reference = frozen(self._loop), frozen(self._reference)
         self._solver = copy.copy(self._solver)
@@ -130,7 +141,7 @@ class LoopStep:
         """Of constants and coefficients as one sample has them."""
         n = self._state.plant.q.shape[-1]
         state, mode = leaves(self._state), leaves(self._mode)
-        sums = 4 if self._effort else 1
+        sums = self.n_sums
         tensors = [*state[:2], *[state[0]] * sums, *state[2:], *mode]
         rest = range(2 + sums, sums + len(state))
         return Layout(
@@ -149,9 +160,13 @@ class LoopStep:
 
     def split(self, carry: Sequence[Tensor]) -> tuple[list[Tensor], list[Tensor], list[Tensor]]:
         """State leaves, sums, and mode leaves."""
-        sums, count = (4 if self._effort else 1), len(leaves(self._state))
+        sums, count = self.n_sums, len(leaves(self._state))
         state = [*carry[:2], *carry[2 + sums : sums + count]]
         return state, list(carry[2 : 2 + sums]), list(carry[sums + count :])
+
+    def extra(self, count: int) -> list[Tensor]:
+        """What else the carry holds at the start, (count, *event) each."""
+        return []
 
     def join(
         self, state: Sequence[Tensor], sums: Sequence[Tensor], mode: Sequence[Tensor]
@@ -168,31 +183,49 @@ class LoopStep:
         carry: Sequence[Tensor],
     ) -> list[Tensor]:
         """The next carry."""
-        count = len(self._loop_names)
-        last = count + len(self._reference_names)
-        horizon = constants[last]
-        own = dict(zip(self._loop_names, constants[:count], strict=True))
-        signal = dict(zip(self._reference_names, constants[count:last], strict=True))
-        state, sums, mode_leaves = self.split(carry)
-        mode = rebuilt(self._mode, mode_leaves)
-        measured = scaled(noise[0], constants[last + 1]) if self._noise else None
-        t, h, t_next, share = clock[:CLOCK]
-        with with_tensors(self._loop, own), with_tensors(self._reference, signal):
+        with self._bound(constants, segments, noise) as here:
+            state, sums, mode_leaves = self.split(carry)
             rates = partial(flat_rates, self._loop, self._packer)
             y, mode, torque = advance(
-                self._loop, self._solver, self._packer, rates, self._effort,
-                t, h, self._packer.pack(rebuilt(self._state, state)), mode, self._reference,
-                rebuilt(self._coefficients, segments), measured,
+                self._loop, self._solver, self._packer, rates, self._effort, clock[0], clock[1],
+                self._packer.pack(rebuilt(self._state, state)), rebuilt(self._mode, mode_leaves),
+                self._reference, here.coefficients, here.noise,
             )  # fmt: skip
             after = self._packer.unpack(y)
-            # t + h is where the solver's last stage was: its reference is not computed twice.
-            error = self._reference(t + h).q - after.plant.q
+            found = self._summed(clock, sums, after.plant.q, torque, here.horizon)
+        return self.join(leaves(after), found, leaves(mode))
+
+    @contextmanager
+    def _bound(
+        self, constants: Sequence[Tensor], segments: Sequence[Tensor], noise: Sequence[Tensor]
+    ) -> Iterator[Bound]:
+        """Let loop and reference hold these tensors."""
+        count = len(self._loop_names)
+        last = count + len(self._reference_names)
+        own = dict(zip(self._loop_names, constants[:count], strict=True))
+        signal = dict(zip(self._reference_names, constants[count:last], strict=True))
+        measured = scaled(noise[0], constants[last + 1]) if self._noise else None
+        coefficients = rebuilt(self._coefficients, segments)
+        with with_tensors(self._loop, own), with_tensors(self._reference, signal):
+            yield Bound(coefficients, measured, constants[last])
+
+    def _summed(
+        self,
+        clock: Sequence[Tensor],
+        sums: Sequence[Tensor],
+        q: Tensor,
+        torque: Tensor | None,
+        horizon: Tensor,
+    ) -> list[Tensor]:
+        """The sums at a step's end, from the joints there and the torque at its start."""
+        t, h, t_next, share = clock[:CLOCK]
+        # t + h is where the solver's last stage was: its reference is not computed twice.
+        error = self._reference(t + h).q - q
         counted = t_next <= horizon + MERGE
-        squared = sums[0] + torch.where(counted, share, 0.0) * error.square()
-        found = [squared]
+        found = [sums[0] + torch.where(counted, share, 0.0) * error.square()]
         if torque is not None:
             found += _effort(sums[1:], torque, counted, clock[CLOCK:])
-        return self.join(leaves(after), found, leaves(mode))
+        return found
 
 
 def _effort(

@@ -46,11 +46,13 @@ def _check_step(program: Program, lanes: int, _: Wanted) -> None:
         expected = program.flat_step(program.examples)
         marched = march(*one_step_job(program, lanes))
     layout, found = program.layout, []
-    for leaf, (array, offset) in zip(layout.carry, layout.carry_places, strict=True):
+    shown = [i for i in range(len(layout.carry)) if i not in program.private]
+    for i in shown:
+        leaf, (array, offset) = layout.carry[i], layout.carry_places[i]
         row = (marched.last_f if array == "f" else marched.last_k)[0]
         value = row[offset : offset + torch.Size(leaf.shape).numel()].reshape(leaf.shape)
         found.append(value != 0 if leaf.kind == "b" else value)
-    _compare_all("carried value", found, expected)
+    _compare_all("carried value", found, [expected[i] for i in shown])
 
 
 def _off_kinks(program: Program) -> list[Tensor]:
@@ -73,7 +75,7 @@ def _check_gradient(program: Program, lanes: int, wanted: Wanted) -> None:
     """Against `torch.func.vjp` of the function itself, for one random vector."""
     constants, segments = wanted or ((), ())
     examples = _off_kinks(program)
-    places = program.wanted_places(constants, segments)
+    places = program.scope.wanted_places(constants, segments)
     floating = program.layout.floating
 
     def moved(*values: Tensor) -> tuple[Tensor, ...]:
@@ -95,8 +97,8 @@ def _check_gradient(program: Program, lanes: int, wanted: Wanted) -> None:
         row = torch.cat([g.reshape(-1) for g in given])
         slopes = torch.autograd.grad(marched.state_f, free, row.reshape(marched.state_f.shape))
     columns = [
-        slopes[0][0, program.constant_columns(constants)],
-        slopes[1][0, 0, program.segment_columns(segments)],
+        slopes[0][0, program.scope.constant_columns(constants)],
+        slopes[1][0, 0, program.scope.segment_columns(segments)],
         slopes[2][0],
     ]
     parts = torch.cat(columns).split([e.numel() for e in expected])
@@ -111,7 +113,7 @@ def one_step_job(
     examples: Sequence[Tensor] | None = None,
 ) -> tuple[Job, Tensor, Tensor, Tensor]:
     """A march of one step of one sample, from the program's examples or others."""
-    given = program.arguments(program.examples if examples is None else examples)
+    given = program.scope.arguments(program.examples if examples is None else examples)
     constants = [given.constants[i] for i in program.used]
     slot = torch.tensor([-1, 0], dtype=torch.int32)
     noise = None

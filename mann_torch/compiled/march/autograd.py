@@ -51,8 +51,8 @@ class _March(torch.autograd.Function):
         program = marcher.job.program
         found_c, found_s, start = marcher.gradient(motion, state)
         full_c, full_s = torch.zeros_like(constants), torch.zeros_like(segments)
-        full_c[:, program.constant_columns(marcher.job.wanted[0])] = found_c
-        full_s[..., program.segment_columns(marcher.job.wanted[1])] = found_s
+        full_c[:, program.scope.constant_columns(marcher.job.wanted[0])] = found_c
+        full_s[..., program.scope.segment_columns(marcher.job.wanted[1])] = found_s
         return None, None, None, full_c, full_s, start
 
 

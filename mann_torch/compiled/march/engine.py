@@ -187,8 +187,8 @@ class Marcher:
         """Gradients of wanted constants (B, P), segments (S, B, Q) and the first carry (B, F)."""
         job, lanes = self.job, self._lanes
         made = kernel(job.program.backward(lanes, *job.wanted).text, lanes, job.device)
-        P = len(job.program.constant_columns(job.wanted[0]))
-        Q = len(job.program.segment_columns(job.wanted[1]))
+        P = len(job.program.scope.constant_columns(job.wanted[0]))
+        Q = len(job.program.scope.segment_columns(job.wanted[1]))
         adj = torch.zeros_like(self._f)
         found_c = adj.new_zeros(self._groups, P, lanes)
         found_s = adj.new_zeros(len(self._segments), self._groups, Q, lanes)

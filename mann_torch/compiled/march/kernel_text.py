@@ -13,17 +13,19 @@ from ..lanes.library import lane_library
 from ..lanes.linear import linear_library
 from ..lanes.types import lane_types
 from .layout import Layout
-from .loop_text import BACKWARD, COMMON, FINE, FORWARD, GATHER, TOOLS
+from .loop_text import AFTER, BACKWARD, COMMON, FINE, FORWARD, GATHER, TOOLS
 
 #: Bytes of arrays that a step may keep on the stack; beyond that they lie in the caller's memory.
 STACK = 256 * 1024
 #: Turns of a loop that are written out, by number of lanes.
 _UNROLL = {1: 16, 2: 8, 4: 4, 8: 4}
-_SIGNATURE = (
+_GIVEN = (
     "const double* __restrict__ clock, const V* __restrict__ constant, "
     "const V* __restrict__ segment, const V* __restrict__ noise, const M* __restrict__ whole, "
     "const V* __restrict__ f, const M* __restrict__ k"
 )
+_RESULTS = "V* __restrict__ f_out, M* __restrict__ k_out"
+_GRADIENTS = "V* __restrict__ adj_out, V* __restrict__ g_constant, V* __restrict__ g_segment"
 
 
 class KernelText(NamedTuple):
@@ -41,39 +43,68 @@ class Sizes(NamedTuple):
     wanted_segment: int = 0
 
 
-def forward_text(layout: Layout, step: Sequence[Output], lanes: int) -> KernelText:
+class Function(NamedTuple):
+    """A struct with one function `run`, of what its outputs are."""
+
+    name: str
+    outputs: Sequence[Output]
+    #: Arrays it takes before and writes after those that all take, and the kinds of their numbers.
+    takes: tuple[tuple[str, str], ...] = ()
+    gives: tuple[str, ...] = ()
+    backward: bool = False
+
+
+class Skeleton(NamedTuple):
+    """C++ text that makes the functions `Step` and `Back` of other functions."""
+
+    numbers: Mapping[str, int]
+    forward: str
+    backward: str
+    #: Vectors of working memory each wants besides what the functions do.
+    room: int
+    room_backward: int
+
+
+def forward_text(
+    layout: Layout, functions: Sequence[Function], lanes: int, skeleton: Skeleton | None = None
+) -> KernelText:
     """The forward march."""
-    body, room = _function("Step", _SIGNATURE, _RESULTS, step, lanes)
+    bodies, room = _written(functions, lanes)
     watch = FORWARD.replace("$BEYOND", _beyond(layout)).replace("$WHY", _why(layout))
-    text = "\n".join([_head(layout, lanes, Sizes()), body, TOOLS, COMMON, watch, "}"])
+    if skeleton is not None:
+        bodies.append(skeleton.forward)
+        room += skeleton.room
+    head = _head(layout, lanes, Sizes(), skeleton)
+    text = "\n".join([head, *bodies, TOOLS, COMMON, watch, "}"])
     return KernelText(text, _common_room(layout) + room)
 
 
 def backward_text(
-    layout: Layout, step: Sequence[Output], back: Sequence[Output], sizes: Sizes, lanes: int
+    layout: Layout,
+    functions: Sequence[Function],
+    sizes: Sizes,
+    lanes: int,
+    skeleton: Skeleton | None = None,
 ) -> KernelText:
     """The backward march."""
-    forward, room = _function("Step", _SIGNATURE, _RESULTS, step, lanes)
-    reverse, more = _function(
-        "Back", _SIGNATURE + ", const V* __restrict__ adj", _GRADIENTS, back, lanes
-    )
-    text = "\n".join(
-        [_head(layout, lanes, sizes), forward, reverse, TOOLS, GATHER, COMMON, BACKWARD, "}"]
-    )
+    bodies, room = _written(functions, lanes)
+    walk = BACKWARD.replace("$AFTER", "" if skeleton is None else AFTER)
+    walk = walk.replace("$LAST", "end - 1" if skeleton is None else "end")
+    if skeleton is not None:
+        bodies += [skeleton.forward, skeleton.backward]
+        room += max(skeleton.room, skeleton.room_backward)
+    head = _head(layout, lanes, sizes, skeleton)
+    text = "\n".join([head, *bodies, TOOLS, GATHER, COMMON, walk, "}"])
     f, k = layout.size("f"), layout.size("k")
     own = f + sizes.wanted + sizes.wanted_segment + (FINE + 1) * (f + k)
-    return KernelText(text, _common_room(layout) + own + max(room, more))
-
-
-_RESULTS = "V* __restrict__ f_out, M* __restrict__ k_out"
-_GRADIENTS = "V* __restrict__ adj_out, V* __restrict__ g_constant, V* __restrict__ g_segment"
+    return KernelText(text, _common_room(layout) + own + room)
 
 
 def _common_room(layout: Layout) -> int:
     return layout.size("f") + layout.size("k") + layout.size("noise")
 
 
-def _head(layout: Layout, lanes: int, sizes: Sizes) -> str:
+def _head(layout: Layout, lanes: int, sizes: Sizes, skeleton: Skeleton | None) -> str:
     numbers: Mapping[str, int] = {
         "LANES": lanes,
         "FINE": FINE,
@@ -87,6 +118,7 @@ def _head(layout: Layout, lanes: int, sizes: Sizes) -> str:
         "N_MOTION": layout.n_motion,
         "N_WANTED": sizes.wanted,
         "N_WANTED_SEGMENT": sizes.wanted_segment,
+        **({} if skeleton is None else skeleton.numbers),
     }
     constants = ", ".join(f"{name} = {value}" for name, value in numbers.items())
     return "\n".join(
@@ -105,11 +137,14 @@ def _head(layout: Layout, lanes: int, sizes: Sizes) -> str:
     )
 
 
-def _function(
-    name: str, signature: str, results: str, outputs: Sequence[Output], lanes: int
-) -> tuple[str, int]:
-    """A struct with one function `run`, and the vectors of memory it wants from its caller."""
-    writer = Writer(outputs, _UNROLL[lanes])
+def _written(functions: Sequence[Function], lanes: int) -> tuple[list[str], int]:
+    """Their texts, and the vectors of memory that the greediest wants from its caller."""
+    found = [_struct(function, lanes) for function in functions]
+    return [text for text, _ in found], max(room for _, room in found)
+
+
+def _struct(function: Function, lanes: int) -> tuple[str, int]:
+    writer = Writer(function.outputs, _UNROLL[lanes])
     lines = writer.text()
     arrays = writer.plan.arrays
     total = sum(size for size, _ in arrays.values())
@@ -126,11 +161,17 @@ def _function(
         for (kind, *values), table in writer.tables.items()
     ]
     body = "\n".join(f"    {line}" for line in [*tables, *declared, *lines])
-    text = f"""struct {name} : Lanes {{
+    parameters = [f"const {type_of(kind)}* __restrict__ {name}" for name, kind in function.takes]
+    parameters.append(_GIVEN)
+    if function.backward:
+        parameters.append("const V* __restrict__ adj")
+    parameters.append(_GRADIENTS if function.backward else _RESULTS)
+    parameters += [f"V* __restrict__ {name}" for name in function.gives]
+    text = f"""struct {function.name} : Lanes {{
 #if defined(__clang__) && !defined(__CUDA_ARCH__)
   __attribute__((noinline))
 #endif
-  static CUDA_CALLABLE void run({signature}, {results}, V* __restrict__ heap) {{
+  static CUDA_CALLABLE void run({", ".join(parameters)}, V* __restrict__ heap) {{
 #if defined(__clang__)
 #pragma clang fp contract(off)
 #endif

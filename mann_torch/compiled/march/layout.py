@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -36,6 +36,10 @@ class Layout:
     carry: tuple[Leaf, ...]
     n_motion: int
     watched: tuple[int, ...]  # indices in `carry`
+
+    def with_carry(self, leaves: Sequence[Leaf]) -> Layout:
+        """The same with more to carry."""
+        return replace(self, carry=(*self.carry, *leaves))
 
     @cached_property
     def floating(self) -> tuple[int, ...]:

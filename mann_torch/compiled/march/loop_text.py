@@ -159,7 +159,7 @@ for (long long block = last - 1; block >= first; --block) {
     const M* source_k = pass < 0 || pieces == 1 ? begin_k : fine_k + piece * N_K;
     for (int e = 0; e < N_F; ++e) ring_f[e] = source_f[e];
     for (int e = 0; e < N_K; ++e) ring_k[e] = source_k[e];
-    for (long long s = begin; s < (pass < 0 ? begin + (pieces - 1) * FINE : end - 1); ++s) {
+    for (long long s = begin; s < (pass < 0 ? begin + (pieces - 1) * FINE : $LAST); ++s) {
       const long long here = (s - begin) % FINE, there = pass < 0 ? (here + 1) % FINE : here + 1;
       if (pass < 0 && here == 0) {
         V* const to_f = fine_f + ((s - from) / FINE) * N_F;
@@ -193,7 +193,7 @@ for (long long block = last - 1; block >= first; --block) {
       V* const g_segment = g_segments + ((long long)segment_of[s] * G + g) * N_WANTED_SEGMENT;
       Back::run(clocks + s * N_CLOCK, constant,
                 segments + ((long long)segment_of[s] * G + g) * N_SEGMENT, noise, whole,
-                ring_f + here * N_F, ring_k + here * N_K, adj, adj_next, part_constant,
+                ring_f + here * N_F, ring_k + here * N_K, $AFTERadj, adj_next, part_constant,
                 part_segment, heap);
       if (Tools::all(alive)) {
         for (int e = 0; e < N_F; ++e) adj[e] = adj_next[e];
@@ -212,6 +212,9 @@ for (long long block = last - 1; block >= first; --block) {
   if (block == 0) Gather::add(adj, g_motion, motion_slot[0], g_state, state_slot[0], B, g);
 }
 """
+
+#: What a step left, where its gradient asks for that too.
+AFTER = "ring_f + (here + 1) * N_F, ring_k + (here + 1) * N_K, "
 
 GATHER = r"""
 struct Gather : Lanes {

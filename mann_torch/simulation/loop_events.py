@@ -1,0 +1,125 @@
+"""A closed loop's hybrid step as the compiler takes it: its pieces, of one sample's tensors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+from ..compiled import EVENT_LEAVES, Arguments, Layout, Places
+from ..trees import leaf_names, leaves, rebuilt
+from ..types import LoopState, MemoryMode, Proximity
+from .branches import Branches
+from .events import EventCounts, hybrid_step, jump
+from .loop_step import LoopStep
+from .task import Task
+
+
+class Scene(NamedTuple):
+    """A step's arguments as the loop knows them."""
+
+    system: Branches
+    y: Tensor
+    mode: MemoryMode
+    sums: list[Tensor]
+    horizon: Tensor
+
+
+class LoopEvents(LoopStep):
+    """The hybrid step of a task; the carry ends with `EVENT_LEAVES`."""
+
+    def __init__(self, task: Task, *arguments: Any) -> None:
+        super().__init__(task, *arguments)
+        names = leaf_names(task.mode)
+        first = len(leaves(self._state)) + self.n_sums
+        self.places = Places(*(first + names.index(n) for n in ("attended", "switches")))
+        self.n_branches = task.mode.active.shape[-1]
+
+    def layout(self, constants: Sequence[Tensor], segments: Sequence[Tensor]) -> Layout:
+        """Of constants and coefficients as one sample has them."""
+        return super().layout(constants, segments).with_carry(EVENT_LEAVES)
+
+    def extra(self, count: int) -> list[Tensor]:
+        """Counts and notes, 0."""
+        return [torch.zeros(count, *leaf.shape, dtype=torch.int64) for leaf in EVENT_LEAVES]
+
+    def split(self, carry: Sequence[Tensor]) -> tuple[list[Tensor], list[Tensor], list[Tensor]]:
+        """State leaves, sums, and mode leaves."""
+        return super().split(carry[: -len(EVENT_LEAVES)])
+
+    @contextmanager
+    def _scene(self, given: Arguments) -> Iterator[Scene]:
+        with self._bound(given.constants, given.segments, given.noise) as here:
+            state, sums, mode = self.split(given.carry)
+            system = Branches(
+                self._loop, self._solver, self._packer, self._reference, here.coefficients,
+                here.noise, None,
+            )  # fmt: skip
+            y = self._packer.pack(rebuilt(self._state, state))
+            yield Scene(system, y, rebuilt(self._mode, mode), sums, here.horizon)
+
+    def _moved(self, y: Tensor, given: Arguments) -> list[Tensor]:
+        """Floating leaves of the carry, the state's new."""
+        _, sums, mode = self.split(given.carry)
+        state: LoopState = self._packer.unpack(y)
+        return _floating([*self.join(leaves(state), sums, mode), *given.carry[-len(EVENT_LEAVES) :]])
+
+    def held(self, t: Tensor, h: Tensor, weights: Tensor, given: Arguments) -> list[Tensor]:
+        """See `compiled.HybridStep`."""
+        with self._scene(given) as s:
+            return self._moved(s.system.flow(t, h, s.y, weights, s.mode), given)
+
+    def near(self, t: Tensor, given: Arguments) -> Proximity:
+        """See `compiled.HybridStep`."""
+        with self._scene(given) as s:
+            return s.system.proximity(t, s.y, s.mode)
+
+    def reset(self, t: Tensor, given: Arguments) -> list[Tensor]:
+        """See `compiled.HybridStep`."""
+        if not self._loop.controller.reallocates:
+            return list(given.carry)
+        with self._scene(given) as s:
+            due = t.new_ones((), dtype=torch.bool)
+            y, mode = s.system.reset(t, s.y, s.mode, due)
+            state = leaves(self._packer.unpack(y))
+        return [*self.join(state, s.sums, leaves(mode)), *given.carry[-len(EVENT_LEAVES) :]]
+
+    def totals(self, given: Arguments, after: Sequence[Tensor]) -> list[Tensor]:
+        """See `compiled.HybridStep`."""
+        with self._scene(given) as s:
+            torque = s.system.torque(given.clock[0], s.y, s.mode) if self._effort else None
+            sums = self._summed(given.clock, s.sums, after[0], torque, s.horizon)
+        return [*after[:2], *sums, *after[2 + self.n_sums :]]
+
+    def __call__(
+        self,
+        clock: Sequence[Tensor],
+        constants: Sequence[Tensor],
+        segments: Sequence[Tensor],
+        noise: Sequence[Tensor],
+        carry: Sequence[Tensor],
+    ) -> list[Tensor]:
+        """The next carry, as the torch engine computes it; notes stay."""
+        given = Arguments(*map(list, (clock, constants, segments, noise, carry)))
+        t, h = clock[:2]
+        with self._scene(given) as s:
+            torque = None
+            if self._effort:
+                torque = s.system.torque(t, *jump(s.system, t, s.y, s.mode))
+            y, mode, met = hybrid_step(s.system, t, h, s.y, s.mode)
+            state: LoopState = self._packer.unpack(y)
+            sums = self._summed(clock, s.sums, state.plant.q, torque, s.horizon)
+        counts = carry[-2] + torch.stack(met)
+        return [*self.join(leaves(state), sums, leaves(mode)), counts, carry[-1]]
+
+
+def counts_of(leaf: Tensor) -> EventCounts:
+    """(..., 3) -> each (...,)."""
+    return EventCounts(*leaf.unbind(-1))
+
+
+def _floating(carry: Sequence[Tensor]) -> list[Tensor]:
+    return [leaf for leaf in carry if leaf.is_floating_point()]
