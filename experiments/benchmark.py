@@ -18,7 +18,7 @@ import torch
 
 from mann_torch.compiled.host.kernels import lanes_here
 
-from . import benchmark_lines, benchmark_parts, benchmark_start, benchmark_versus
+from . import benchmark_events, benchmark_lines, benchmark_parts, benchmark_start
 from .benchmark_curves import precision, scaling
 from .benchmark_measure import ROOT, Section
 from .figures import save
@@ -28,7 +28,9 @@ from .writing import write_json, write_text
 #: choice or because what it measured is no more (None), stays as it stands on the page.
 SECTIONS: dict[str, tuple[str, Callable[[], Section] | None]] = {
     "peers": ("Every engine", benchmark_lines.section),
-    "versus": ("Compiled against hand-written", benchmark_versus.section),
+    # The hand-written kernel is gone.
+    "versus": ("Compiled against hand-written", None),
+    "events": ("Rollouts through events", benchmark_events.section),
     "parts": ("Parts of one's own", benchmark_parts.section),
     "start": ("The first rollout", benchmark_start.section),
     "scaling": ("Cost against horizon and batch", scaling),

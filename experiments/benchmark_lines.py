@@ -40,15 +40,11 @@ LINES = (
     Line("compiled", 1, 330.0, 330.0, 20, PAPER),
     Line("compiled", 64, 330.0, 330.0, 2, PAPER),
     Line("compiled", 1024, 20.0, 10.0, 1, PAPER),
-    Line("hand-written", 1, 330.0, 330.0, 5, PAPER),
-    Line("hand-written", 64, 330.0, 330.0, 1, PAPER),
-    Line("hand-written", 1024, 20.0, 10.0, 1, PAPER),
 )
 CUDA_LINES = tuple(Line("compiled cuda", b, 330.0, 33.0) for b in (1, 64, 1024, 65_536))
 NAMES = {
     "compiled": "compiled, all cores",
     "compiled cuda": "compiled, CUDA",
-    "hand-written": "hand-written kernel, all cores",
     "torch.compile": "W-method, torch.compile",
     "eager": "W-method, eager torch",
     "dopri5": "torchdiffeq dopri5, rtol 1e-5",
@@ -70,9 +66,8 @@ def section(chosen: Sequence[str] = ()) -> Section:
     body += [[text, value, verdict(held)] for text, value, held in verdicts(results)]
     cuda = "" if torch.cuda.is_available() else " No CUDA device was at hand: its rows are missing."
     text = f"""N = 10, 5 slots, scenario 1, draws 0 to B - 1, float64. Soft attention is smooth, so
-that every engine and solver must reach the same figure; the hand-written kernel is measured on the
-paper's controller. Times are per simulated second and trajectory; each line ran in a process of its
-own, on the stretch it names, and `~` marks 330 s extrapolated from it. "With gradient" is forward
+that every engine and solver must reach the same figure. Times are per simulated second and
+trajectory; each line ran in a process of its own, on the stretch it names, and `~` marks 330 s extrapolated from it. "With gradient" is forward
 and backward to all constants. "Off" compares SRMSE of draw 0 with the limit over the same stretch,
 the W-method at 0.25 ms.{cuda}
 
@@ -105,7 +100,7 @@ def _off(line: Line, srmse: list[float]) -> float:
             network=made.network,
             motion_dt=1.0,
             sample_until=0.0,
-            engine="fused",
+            engine="compiled",
         )
     limit = mt.srmse(fine)[0].numpy()
     return float(100 * np.abs(np.array(srmse) / limit - 1).max())

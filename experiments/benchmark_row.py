@@ -6,10 +6,8 @@ import json
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass
 from typing import Any, cast
-from unittest import mock
 
 import torch
 from omegaconf import OmegaConf
@@ -24,8 +22,13 @@ from .config import SimulateConfig
 
 #: The controller that every engine runs: smooth, so that all must reach the same figure.
 SMOOTH = "soft"
-#: The paper's, for what runs on the hand-written kernel.
+#: The paper's.
 PAPER = "reallocating_initial"
+#: The constants that gradients go to where not all are asked for.
+CONSTANTS = (
+    *("error_gain", "base_gain", "robust_gain"),
+    *("rate_W", "rate_V", "e_modification", "write_gain"),
+)
 #: Engines of `rollout` and their solver, where it is not the default.
 TORCH: dict[str, mt.Solver] = {
     "eager": mt.Implicit(),
@@ -49,32 +52,32 @@ class Line:
     loop: str = SMOOTH
 
 
-def experiment(batch: int, horizon: float, loop: str = SMOOTH) -> Experiment:
-    """`batch` draws of scenario 1 under a controller."""
-    overrides = ["scenario='1'", f"controller={loop}", f"draws={batch}", f"horizon={horizon}"]
+def experiment(batch: int, horizon: float, loop: str = SMOOTH, scenario: str = "1") -> Experiment:
+    """`batch` draws of a scenario under a controller."""
+    overrides = [
+        f"scenario='{scenario}'",
+        f"controller={loop}",
+        f"draws={batch}",
+        f"horizon={horizon}",
+    ]
     return build(cast(SimulateConfig, OmegaConf.to_object(compose_job("simulate", overrides))))
 
 
-def hand_written() -> AbstractContextManager[object]:
-    """Rollouts of a block run on the hand-written kernel where the compiled engine would."""
-    from mann_torch.simulation import compiled_engine, fused_engine
-
-    return mock.patch.object(compiled_engine, "run", fused_engine.run)
-
-
-def run(engine: str, made: Experiment, motion_dt: float | None = 0.1) -> mt.Trajectory:
+def run(
+    engine: str, made: Experiment, gradient: str = "plain", motion_dt: float | None = 0.1
+) -> mt.Trajectory:
     """One rollout on an engine of this package."""
-    with hand_written() if engine == "hand-written" else nullcontext():
-        return mt.rollout(
-            made.loop,
-            made.scenario,
-            TORCH.get(engine, made.solver),
-            network=made.network,
-            engine="torch" if engine in TORCH else "fused",
-            device="cuda" if engine == "compiled cuda" else "cpu",
-            motion_dt=motion_dt,
-            sample_until=0.0,
-        )
+    return mt.rollout(
+        made.loop,
+        made.scenario,
+        TORCH.get(engine, made.solver),
+        network=made.network,
+        engine="torch" if engine in TORCH else "compiled",
+        device="cuda" if engine == "compiled cuda" else "cpu",
+        motion_dt=motion_dt,
+        sample_until=0.0,
+        gradient=gradient,
+    )
 
 
 def smooth_constants(made: Experiment) -> list[str]:
@@ -82,16 +85,18 @@ def smooth_constants(made: Experiment) -> list[str]:
     return [name for name in made.loop.controller.constants() if name != "shift_threshold"]
 
 
-def error_of(engine: str, made: Experiment) -> Tensor:
+def error_of(engine: str, made: Experiment, gradient: str = "plain") -> Tensor:
     """SRMSE (B, n) of a rollout without gradients."""
     with torch.no_grad():
-        return mt.srmse(run(engine, made))
+        return mt.srmse(run(engine, made, gradient))
 
 
-def slope_of(engine: str, made: Experiment, names: Sequence[str]) -> tuple[Tensor, list[Tensor]]:
+def slope_of(
+    engine: str, made: Experiment, names: Sequence[str], gradient: str = "plain"
+) -> tuple[Tensor, list[Tensor]]:
     """SRMSE (B, n) of a rollout and its gradients to the named constants."""
     free = made.loop.controller.tune(*names)
-    found = mt.srmse(run(engine, made))
+    found = mt.srmse(run(engine, made, gradient))
     return found.detach(), list(torch.autograd.grad(found.sum(), free))
 
 

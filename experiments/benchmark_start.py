@@ -12,8 +12,7 @@ import time
 from typing import Any
 
 from .benchmark_measure import MISSING, Section, in_process, reasons, verdict
-from .benchmark_row import PAPER, error_of, experiment, slope_of
-from .benchmark_versus import CONSTANTS
+from .benchmark_row import CONSTANTS, PAPER, error_of, experiment, slope_of
 from .tables import aligned
 
 BATCHES, ROUNDS = (1, 64), 3

@@ -81,8 +81,8 @@ class SolverConfig:
     atol: float = 1e-8
     max_step: float | None = None
     follow_reference: bool = True  # implicit only: more accurate, see its docstring
-    engine: str = "auto"  # fused, torch, or auto: fused where the loop's step can be compiled
-    device: str = "cpu"  # of the fused engine: cpu or cuda
+    engine: str = "auto"  # compiled, torch, or auto: compiled where the loop's step can be compiled
+    device: str = "cpu"  # of the compiled engine: cpu or cuda
     compile: bool = False  # torch engine only
 
 

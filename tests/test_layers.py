@@ -15,8 +15,7 @@ ALLOWED = {
     "plants": BASE,
     "signals": BASE,
     "compiled": {"errors"},
-    "fused": BASE | {"compiled", "memory", "control", "plants", "signals"},
-    "simulation": BASE | {"compiled", "memory", "control", "plants", "signals", "fused"},
+    "simulation": BASE | {"compiled", "memory", "control", "plants", "signals"},
     "metrics": BASE | {"simulation"},
     "statistics": BASE,
     "figures": BASE,
@@ -66,9 +65,8 @@ def test_one_file_imports_torchdiffeq_and_none_hydra_or_tensorboard() -> None:
     for path in (ROOT / "mann_torch").rglob("*.py"):
         for name in imported_parts(path) & set(users):
             users[name].append(path.name)
-    hosts = [*(ROOT / "mann_torch/fused").rglob("*.py")]
-    hosts += (ROOT / "mann_torch/compiled/host").glob("*.py")
-    assert set(users.pop("warp")) <= {p.name for p in hosts}
+    hosts = {path.name for path in (ROOT / "mann_torch/compiled/host").glob("*.py")}
+    assert set(users.pop("warp")) <= hosts
     assert users == {"torchdiffeq": ["odeint.py"], "hydra": [], "tensorboard": []}
 
 
@@ -102,5 +100,4 @@ def test_one_file_touches_torchs_tracing_internals() -> None:
         for path in (ROOT / "mann_torch").rglob("*.py")
         if any(word in path.read_text() for word in words)
     }
-    assert users <= {"compiled/trace/tracing.py", "simulation/fused_engine.py"}
-    assert "compiled/trace/tracing.py" in users
+    assert users == {"compiled/trace/tracing.py"}

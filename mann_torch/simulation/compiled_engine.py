@@ -22,6 +22,7 @@ from ..compiled import (
 )
 from ..compiled.march.agreement import check_agreement
 from ..compiled.trace.fingerprint import Fingerprint
+from ..errors import ConfigError
 from ..signals import Reference
 from ..trees import rebuilt
 from ..types import LoopState
@@ -58,6 +59,13 @@ def obstacle(loop: ClosedLoop, scenario: Scenario, solver: Solver) -> str | None
     if transformed():
         return "torch.func and forward-mode differentiation need the torch engine"
     return missing()
+
+
+def check_device(device: str) -> None:
+    """Raise `ConfigError` for a device that is not here."""
+    found = ["cpu"] + [f"cuda:{i}" for i in range(torch.cuda.device_count())]
+    if device not in found and not (device == "cuda" and len(found) > 1):
+        raise ConfigError(f"device = '{device}': this machine has {', '.join(found)}")
 
 
 def run(task: Task) -> Record:
@@ -213,7 +221,7 @@ def _record(task: Task, step: LoopStep, program: Program, found: Marched) -> Rec
         stopped=torch.where(failed, found.stop, -1).long().reshape(batch),
         kind=kinds[(found.cause % 10).long()].reshape(batch),
         leaf=leaf,
-        engine="fused",
+        engine="compiled",
         reason=REASON,
         events=counts_of(last[-2]) if task.hybrid else None,
     )

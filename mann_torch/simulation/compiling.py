@@ -16,8 +16,8 @@ log = logging.getLogger("mann_torch")
 class CompiledOrEager:
     """Calls `torch.compile(function)`; if compiling fails, `function` from then on.
 
-    `engine` is ``compiled`` or ``eager``: what the last call used. The fallback is logged in one
-    line, with the cause.
+    `engine` is ``torch.compile`` or ``eager``: what the last call used. The fallback is logged in
+    one line, with the cause.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -27,7 +27,7 @@ class CompiledOrEager:
         self._function = function
         self._compiled = torch.compile(function, fullgraph=True)
         self._proven = False
-        self.engine = "compiled"
+        self.engine = "torch.compile"
 
     def __call__(self, *args: Any) -> Any:
         if self.engine == "eager":

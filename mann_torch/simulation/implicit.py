@@ -27,7 +27,7 @@ class Implicit(Solver):
     same run is off by 2e-4 rad. At the default step the SRMSE of smooth controllers is within
     0.15 % of its limit in all of the paper's scenarios.
 
-    `compile` serves the torch engine; the fused engine is compiled in any case.
+    `compile` serves the torch engine; the compiled engine is compiled in any case.
     """
 
     def __init__(

@@ -65,7 +65,9 @@ class LoopEvents(LoopStep):
         """Floating leaves of the carry, the state's new."""
         _, sums, mode = self.split(given.carry)
         state: LoopState = self._packer.unpack(y)
-        return _floating([*self.join(leaves(state), sums, mode), *given.carry[-len(EVENT_LEAVES) :]])
+        return _floating(
+            [*self.join(leaves(state), sums, mode), *given.carry[-len(EVENT_LEAVES) :]]
+        )
 
     def held(self, t: Tensor, h: Tensor, weights: Tensor, given: Arguments) -> list[Tensor]:
         """See `compiled.HybridStep`."""

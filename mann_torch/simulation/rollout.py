@@ -15,7 +15,7 @@ from ..functional import Numbers, as_float64
 from ..memory import relaxed
 from ..trees import leaf_names
 from ..types import NetworkState
-from . import compiled_engine, fused_engine, torch_engine
+from . import compiled_engine, torch_engine
 from .closed_loop import ClosedLoop
 from .gradients import check_gradient, locates_events
 from .implicit import Implicit
@@ -25,7 +25,7 @@ from .step_grid import StepGrid
 from .task import Record, Task
 from .trajectory import Trajectory
 
-ENGINES = ("auto", "fused", "torch")
+ENGINES = ("auto", "compiled", "torch")
 #: Steps beyond which the torch engine takes long enough to be told of.
 LONG = 500
 log = logging.getLogger("mann_torch")
@@ -75,14 +75,14 @@ def rollout(
             (`torque_rate`, `peak_torque`).
         divergence_limit: a sample with a state entry beyond this, or NaN, is frozen there and
             reported in `status`; the others go on undisturbed.
-        engine: ``fused`` traces the loop's step and runs the whole rollout as one compiled kernel,
-            batches on `torch.get_num_threads()` cores; ``torch`` runs any loop and any solver;
-            ``auto`` takes the fused engine for a loop whose step can be traced.
+        engine: ``compiled`` traces the loop's step and runs the whole rollout as one kernel, batches
+            on `torch.get_num_threads()` cores; ``torch`` runs any loop and any solver;
+            ``auto`` takes the compiled engine for a loop whose step can be traced.
             `Trajectory.engine` and `engine_reason` tell which was taken, and why.
-        device: where the fused engine runs, ``cpu`` or ``cuda``; what goes in and comes out is on
-            the CPU.
-        tape_memory: bytes that the fused engine's backward pass may use for checkpoints; a longer
-            rollout has fewer, and computes more again, to the same bits.
+        device: where the compiled engine runs, ``cpu`` or ``cuda``; what goes in and comes out is
+            on the CPU.
+        tape_memory: bytes that the compiled engine's backward pass may use for checkpoints; a
+            longer rollout has fewer, and computes more again, to the same bits.
         gradient: ``plain``: decisions fall on step ends and have no gradient of their own;
             ``hybrid``: isolated switches and resets are located inside their step and
             differentiated through their time, chattering is averaged; `Trajectory.events` counts
@@ -107,7 +107,7 @@ def rollout(
     if temperature is not None:
         loop = relaxed(loop, temperature)
     hybrid = locates_events(gradient, loop)
-    obstacle = check_engine(loop, scenario, solver, engine, device, hybrid)
+    obstacle = check_engine(loop, scenario, solver, engine, device)
     grid = StepGrid(scenario.end, scenario.knots(), solver.dt)
     if network is None:
         shape = _common_shape(loop, scenario, batch_shape)
@@ -143,12 +143,10 @@ def rollout(
         obstacle = "an empty batch"
     if obstacle is None:
         try:
-            return _trajectory(
-                task, fused_engine.run(task) if task.hybrid else compiled_engine.run(task)
-            )
+            return _trajectory(task, compiled_engine.run(task))
         except (KernelError, UntraceableError) as error:
             obstacle = str(error)
-            if engine == "fused" or device != "cpu":
+            if engine == "compiled" or device != "cpu":
                 if isinstance(error, KernelError):
                     raise
                 raise ConfigError(
@@ -175,26 +173,24 @@ def check_engine(
     solver: Solver,
     engine: str,
     device: str = "cpu",
-    hybrid: bool = False,
 ) -> str | None:
-    """None where the fused engine may run this rollout, else why the torch engine does.
+    """None where the compiled engine may run this rollout, else why the torch engine does.
 
     What is known before anything is traced: whether the loop's step can be compiled shows when it
-    is. Raises `ConfigError` for an unknown engine or device, or for ``fused`` (and for any device
-    but the CPU) where it can't be.
+    is. Raises `ConfigError` for an unknown engine or device, or for ``compiled`` (and for any
+    device but the CPU) where it can't be.
     """
     if engine not in ENGINES:
         raise ConfigError(f"engine = '{engine}': choose from {', '.join(ENGINES)}")
     obstacle: str | None = "asked for"
     if engine != "torch":
-        side = fused_engine if hybrid else compiled_engine
-        obstacle = side.obstacle(loop, scenario, solver)
-    if obstacle is not None and engine == "fused":
-        raise ConfigError(f"engine = 'fused': {obstacle}; take 'auto' or 'torch'")
+        obstacle = compiled_engine.obstacle(loop, scenario, solver)
+    if obstacle is not None and engine == "compiled":
+        raise ConfigError(f"engine = 'compiled': {obstacle}; take 'auto' or 'torch'")
     if device != "cpu":
         if obstacle is not None:
-            raise ConfigError(f"device = '{device}': only the fused engine has it ({obstacle})")
-        fused_engine.check_device(device)
+            raise ConfigError(f"device = '{device}': only the compiled engine has it ({obstacle})")
+        compiled_engine.check_device(device)
     return obstacle
 
 

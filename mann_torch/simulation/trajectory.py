@@ -45,7 +45,7 @@ class Outcome:
     cause: Tensor  # (...,) int64, index in `leaf_names` of what failed first; -1 where nothing did
     leaf_names: tuple[str, ...]
     solver: str
-    engine: str  # "fused", "compiled" or "eager"
+    engine: str  # "compiled"; of the torch engine "eager" or "torch.compile"
     engine_reason: str  # why this engine was taken
     events: EventCounts | None = None  # met by a hybrid rollout, each (...,); else None
 

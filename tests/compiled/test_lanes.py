@@ -45,7 +45,7 @@ def outputs(run: mt.Trajectory) -> list[Tensor]:
 
 
 def gradients(
-    made: Case, chosen: Sequence[int], horizon: int, engine: str = "fused", **options: object
+    made: Case, chosen: Sequence[int], horizon: int, engine: str = "compiled", **options: object
 ) -> tuple[list[Tensor], list[Tensor], mt.Trajectory]:
     """Of a sample's own start and weights, and of what all share, for a loss without sums of torch.
 
@@ -78,9 +78,9 @@ def assert_equal(mine: Sequence[Tensor], other: Sequence[Tensor]) -> None:
 def test_each_sample_alone_has_the_bits_it_has_among_others(name: str) -> None:
     made = case(name, 0.2, batch=11)
     with torch.no_grad():
-        together = outputs(made.run(engine="fused"))
+        together = outputs(made.run(engine="compiled"))
         for i in range(11):
-            alone = outputs(rows(made, [i]).run(engine="fused"))
+            alone = outputs(rows(made, [i]).run(engine="compiled"))
             assert_equal(alone, [x[i : i + 1] for x in together])
 
 
@@ -116,7 +116,7 @@ def test_bits_are_the_same_in_any_number_of_lanes_and_threads(
                 found.append([*own, *shared, *outputs(run)])
             else:
                 with torch.no_grad():
-                    found.append(outputs(made.run(engine="fused")))
+                    found.append(outputs(made.run(engine="compiled")))
     for other in found[1:]:
         assert_equal(found[0], other)
 
@@ -133,8 +133,8 @@ def diverging(name: str) -> Case:
 def test_a_sample_that_diverges_leaves_its_mates_undisturbed(name: str) -> None:
     made, others = diverging(name), [0, 1, 2, 4, 5, 6, 7]
     with torch.no_grad():
-        run, reference = (made.run(engine=e) for e in ("fused", "torch"))
-        mates = outputs(rows(made, others).run(engine="fused"))
+        run, reference = (made.run(engine=e) for e in ("compiled", "torch"))
+        mates = outputs(rows(made, others).run(engine="compiled"))
     assert run.status.tolist().count(0) == 7 and run.status[3] != 0
     assert torch.equal(run.status, reference.status)
     assert torch.equal(run.stopped_at.nan_to_num(-1.0), reference.stopped_at.nan_to_num(-1.0))
@@ -173,7 +173,7 @@ def test_progress_counts_every_step_once() -> None:
     made = case("nn", 40.0, batch=3)
     seen: list[int] = []
     with torch.no_grad():
-        run = made.run(engine="fused", progress=seen.append, motion_dt=1.0, sample_until=0.0)
+        run = made.run(engine="compiled", progress=seen.append, motion_dt=1.0, sample_until=0.0)
     assert sum(seen) == len(run.step_t) - 1 and len(seen) > 2
 
 
@@ -188,7 +188,7 @@ torch.set_num_threads(threads)
 def run(horizon):
     made, _ = freed(case("nn", horizon, batch=40))
     with torch.set_grad_enabled(backward):
-        found = made.run(engine="fused", motion_dt=horizon, sample_until=0.0)
+        found = made.run(engine="compiled", motion_dt=horizon, sample_until=0.0)
     return found.squared_error.sum()
 
 def go(horizon):

@@ -50,7 +50,7 @@ def check(attention, n_slots, n_hidden, batch, threads, steps, backward):
     torch.set_num_threads(threads)
     first, found = network(made.controller, n_hidden, batch), []
     (gain,) = made.controller.tune("base_gain")
-    for engine in ("fused", "torch"):
+    for engine in ("compiled", "torch"):
         free = NetworkState(*(x.clone().requires_grad_(backward) for x in first))
         begun = time.monotonic()
         with torch.set_grad_enabled(backward):
@@ -139,10 +139,10 @@ def test_beyond_its_memory_the_engine_refuses_by_name(monkeypatch: pytest.Monkey
     monkeypatch.setattr(engine, "LIMIT", 500)
     loop, scenario = make_loop("nn"), make_scenario(0.02)
     with pytest.raises(mt.KernelError, match=r"needs .* GiB of working memory .* limit is"):
-        mt.rollout(loop, scenario, engine="fused")
+        mt.rollout(loop, scenario, engine="compiled")
     refused(mt.rollout(loop, scenario), "working memory", "fewer slots or neurons")
     monkeypatch.setattr(engine, "LIMIT", 10_000)  # enough for the forward march alone
-    assert mt.rollout(loop, scenario).engine == "fused"
+    assert mt.rollout(loop, scenario).engine == "compiled"
     loop.controller.tune("base_gain")
     refused(mt.rollout(loop, scenario), "working memory")
 
@@ -176,7 +176,7 @@ def test_less_memory_means_fewer_cores_or_lanes_and_the_same_bits(
         monkeypatch.setattr(engine, "LIMIT", limit)
         monkeypatch.setattr(packing, "ROOM", room)
         with torch.no_grad():
-            runs.append(made.run(engine="fused"))
+            runs.append(made.run(engine="compiled"))
         cores.append(used[-1])
     assert cores == [2, 1, 2]
     assert torch.equal(runs[0].q, runs[1].q) and torch.equal(runs[0].q, runs[2].q)
@@ -194,7 +194,7 @@ def test_a_smaller_stack_gives_the_same_bits(name: str, monkeypatch: pytest.Monk
         loop = make_loop(name)
         (gain,) = loop.controller.tune("base_gain")
         run = mt.rollout(
-            loop, make_scenario(0.1), generator=generator(), batch_shape=(9,), engine="fused"
+            loop, make_scenario(0.1), generator=generator(), batch_shape=(9,), engine="compiled"
         )
         found.append([run.q.detach(), *torch.autograd.grad(run.q.square().sum(), gain)])
     compiled_engine._PROGRAMS.clear()

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 import mann_torch as mt
-from experiments import benchmark_lines, benchmark_parts, benchmark_start, benchmark_versus
+from experiments import benchmark_events, benchmark_lines, benchmark_parts, benchmark_start
 from experiments.benchmark import SECTIONS, page, sections_of
 from experiments.benchmark_curves import linearity
 from experiments.benchmark_lines import measured, table, verdicts
@@ -21,9 +21,7 @@ def columns(text: str) -> set[int]:
     return {line.count("|") for line in text.splitlines() if line.startswith("|")}
 
 
-@pytest.mark.parametrize(
-    ("engine", "loop"), [("eager", "soft"), ("compiled", PAPER), ("hand-written", PAPER)]
-)
+@pytest.mark.parametrize(("engine", "loop"), [("eager", "soft"), ("compiled", PAPER)])
 def test_a_line_reaches_the_same_figure_on_every_engine(engine: str, loop: str) -> None:
     result = measure(Line(engine, 2, 0.2, 0.1, 1, loop))
     other = measure(Line("compiled", 1, 0.2, 0.0, 1, loop))
@@ -45,7 +43,7 @@ def made_up(engine: str, batch: int, **changes: object) -> dict:
 
 def test_verdicts_follow_the_numbers() -> None:
     good = [made_up("compiled", 1), made_up("compiled", 64), made_up("dopri5", 1, forward_s=2.0)]
-    good.append(made_up("hand-written", 64, loop=PAPER, off=0.7, peak_mb=9e3))
+    good.append(made_up("torch.compile", 64, loop=PAPER, off=0.7, peak_mb=9e3))
     assert len(verdicts(good)) == 3 and all(held for _, _, held in verdicts(good))
     for line, change in (
         (1, {"peak_mb": 1100.0}),
@@ -76,20 +74,12 @@ def test_engines_take_turns() -> None:
     assert 10 < peak_mb() < 1e5
 
 
-def test_compiled_and_hand_written_are_compared() -> None:
-    case = benchmark_versus.Case(1, 1, 0.2, rounds=1)
-    result = benchmark_versus.compare(case)
-    assert result["apart"] < 1e-9 and all(len(each) == 1 for each in result["us"].values())
-    broken = {**result, "missing": "no kernel"}
-    head, forward, both, last = benchmark_versus.rows([result, broken], lanes=8)
-    assert len(head) == len(forward) == len(both) == len(last)
-    assert forward[7] == "1.3" and both[7] == "1.4" and both[10] == "4.5"
-
-
-def test_less_is_asked_of_narrower_machines() -> None:
-    least = benchmark_versus.least_ratio
-    assert least(64, 1, False, 8) == 4.0 and least(64, 1, False, 4) == 3.0
-    assert least(1024, 2, False, 8) == 3.5 and least(1024, 2, True, 8) == 4.0
+def test_what_events_cost_is_compared() -> None:
+    case = benchmark_events.Case("1", 2, PAPER, horizon=0.2, rounds=1)
+    result = benchmark_events.compare(case)
+    assert len(result["events"]) == 3 and all(len(each) == 1 for each in result["us"].values())
+    lines = benchmark_events.rows([result, {**result, "missing": "no kernel"}])
+    assert {len(line) for line in lines} == {len(lines[0])} and len(lines) == 4
 
 
 @pytest.mark.parametrize("part", ["arm of 3 links", "KNearestAttention"])

@@ -42,7 +42,7 @@ QUICK = ("soft", "reallocating_always_state_keys", "relaxed_always_state_keys")
 )
 def test_equal_to_torch_autograd_over_two_seconds(name: str) -> None:
     made, free = freed(case(name, 2.0, batch=2))
-    expected, found = (gradients(made, free, engine=engine) for engine in ("torch", "fused"))
+    expected, found = (gradients(made, free, engine=engine) for engine in ("torch", "compiled"))
     assert found.keys() == expected.keys() == free.keys()
     for key, gradient in expected.items():
         assert gradient.norm() > 0, key
@@ -54,13 +54,13 @@ def test_equal_to_torch_autograd_over_two_seconds(name: str) -> None:
 @pytest.mark.parametrize("name", QUICK)
 def test_segments_and_threads_give_the_same_bits(name: str) -> None:
     made, free = freed(case(name, 0.5))
-    whole = gradients(made, free, engine="fused")
+    whole = gradients(made, free, engine="compiled")
     state = 8 * 3 * 200  # bytes of a step of the batch, and more
     for steps in (2, 7, 50):
-        pieces = gradients(made, free, engine="fused", tape_memory=2.0 * state * steps)
+        pieces = gradients(made, free, engine="compiled", tape_memory=2.0 * state * steps)
         assert all(torch.equal(pieces[key], whole[key]) for key in whole)
     torch.set_num_threads(2)
-    spread = gradients(made, free, engine="fused")
+    spread = gradients(made, free, engine="compiled")
     for key, gradient in whole.items():
         torch.testing.assert_close(spread[key], gradient, rtol=1e-12, atol=0)
 
@@ -70,7 +70,7 @@ def test_constants_per_sample_have_gradients_of_their_own() -> None:
     values = torch.tensor([0.5, 0.7, 0.9], dtype=torch.float64)
     made.loop.controller.initialize(write_gain=values)
     (gain,) = made.loop.controller.tune("write_gain")
-    loss = mt.srmse(made.run(engine="fused")).sum(dim=-1)
+    loss = mt.srmse(made.run(engine="compiled")).sum(dim=-1)
     (together,) = torch.autograd.grad(loss.sum(), gain)
     start = made.scenario.start
     assert start is not None
@@ -80,7 +80,7 @@ def test_constants_per_sample_have_gradients_of_their_own() -> None:
         alone = made._replace(network=NetworkState(*(leaf[i] for leaf in made.network)))
         row = type(start)(*(leaf[i] for leaf in start))
         object.__setattr__(made.scenario, "start", row)
-        (own,) = torch.autograd.grad(mt.srmse(alone.run(engine="fused")).sum(), gain)
+        (own,) = torch.autograd.grad(mt.srmse(alone.run(engine="compiled")).sum(), gain)
         object.__setattr__(made.scenario, "start", start)
         torch.testing.assert_close(together[i], own, rtol=1e-12, atol=0)
 
@@ -100,7 +100,7 @@ def test_equal_to_central_differences_over_330_s(controller: str) -> None:
             made.loop,
             made.scenario,
             network=network,
-            engine="fused",
+            engine="compiled",
             motion_dt=1.0,
             sample_until=0.0,
         )
@@ -132,7 +132,7 @@ def test_a_dead_sample_leaks_no_nan_and_its_mates_keep_their_gradient(name: str)
     W = made.network.W.detach().clone()
     W[1] = 1e9
     made = made._replace(network=made.network._replace(W=W))
-    run = made.run(engine="fused")
+    run = made.run(engine="compiled")
     assert run.status[1] != 0
     names = ("base_gain", "error_gain", "masses", "lengths", "amplitude")
     found = torch.autograd.grad(run.q[:, [0, 2]].square().sum(), [free[n] for n in names])
@@ -148,7 +148,7 @@ def test_a_constant_changed_before_backward_leaves_the_gradient_of_what_was_run(
     for factor in (1.0, 2.0):
         made = case("nn", 0.02)
         (gain,) = made.loop.controller.tune("error_gain")
-        loss = mt.srmse(made.run(engine="fused")).sum()
+        loss = mt.srmse(made.run(engine="compiled")).sum()
         with torch.no_grad():
             gain.mul_(factor)
         found.append(torch.autograd.grad(loss, gain)[0])
@@ -157,7 +157,7 @@ def test_a_constant_changed_before_backward_leaves_the_gradient_of_what_was_run(
 
 def test_a_second_backward_gives_the_same_bits_and_no_tape_is_kept() -> None:
     made, free = freed(case("soft", 0.2))
-    loss = loss_of(made.run(sample_dt=0.1, engine="fused"))
+    loss = loss_of(made.run(sample_dt=0.1, engine="compiled"))
     first, second = (
         torch.autograd.grad(loss, list(free.values()), retain_graph=True, allow_unused=True)
         for _ in range(2)
@@ -171,7 +171,7 @@ def test_a_perfect_stretch_has_error_and_gradient_zero() -> None:
     still = mt.Scenario(mt.Sinusoid([0.0, 0.0]), mt.arm_parameters(), 0.1)
     (gain,) = loop.controller.tune("base_gain")
     loop.plant.gravity = 0.0
-    for engine in ("torch", "fused"):
+    for engine in ("torch", "compiled"):
         run = mt.rollout(loop, still, network=rest(loop), engine=engine)
         for after in (None, 0.05):
             found = mt.srmse(run, after)
@@ -188,7 +188,7 @@ def rest(loop: mt.ClosedLoop) -> NetworkState:
 def test_a_second_derivative_is_refused_by_name() -> None:
     made = case("nn", 0.02)
     (gain,) = made.loop.controller.tune("base_gain")
-    loss = mt.srmse(made.run(engine="fused")).sum()
+    loss = mt.srmse(made.run(engine="compiled")).sum()
     (first,) = torch.autograd.grad(loss, gain, create_graph=True)
     with pytest.raises(RuntimeError, match="once_differentiable"):
         first.backward()

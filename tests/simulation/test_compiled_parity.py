@@ -1,4 +1,4 @@
-"""The fused engine computes what the torch engine computes."""
+"""The compiled engine computes what the torch engine computes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mann_torch.types import NetworkState
 from tests.conftest import GOLDEN, randn
 from tests.simulation.loops import NAMES, Case, case
 
-ENGINES = ("torch", "fused")
+ENGINES = ("torch", "compiled")
 
 
 def relative(a: torch.Tensor, b: torch.Tensor) -> float:
@@ -31,7 +31,7 @@ def relative(a: torch.Tensor, b: torch.Tensor) -> float:
 def assert_same(runs: list[mt.Trajectory], limit: float) -> None:
     """Motion, whole states, integral of squared error within `limit`; modes and status equal."""
     a, b = runs
-    assert (a.engine, b.engine) == ("eager", "fused")
+    assert (a.engine, b.engine) == ("eager", "compiled")
     assert torch.equal(a.t, b.t) and torch.equal(a.sample_t, b.sample_t)
     pairs = [(a.q, b.q), (a.qd, b.qd), (a.squared_error, b.squared_error)]
     pairs += list(zip(leaves(a.states), leaves(b.states), strict=True))

@@ -8,7 +8,7 @@ import torch
 import mann_torch as mt
 from tests.simulation.loops import Case, case, freed
 
-ENGINES = ("torch", "fused")
+ENGINES = ("torch", "compiled")
 
 
 def noisy(name: str, horizon: float = 0.12, rate: float | None = None) -> Case:
@@ -59,7 +59,7 @@ def test_both_engines_agree_with_noise_effort_and_gradients(name: str, gradient:
     for engine in ENGINES:
         made, free = freed(noisy(name))
         trajectory = run(made, engine=engine, effort_after=0.03, gradient=gradient)
-        assert (trajectory.engine == "fused") == (engine == "fused")
+        assert (trajectory.engine == "compiled") == (engine == "compiled")
         parts = (
             mt.srmse(trajectory),
             1e-4 * mt.torque_rate(trajectory),

@@ -68,9 +68,9 @@ def own_loop(attention: mt.Attention) -> mt.ClosedLoop:
     return mt.ClosedLoop(mt.TwoLinkArm(), mt.MannController(2, 6, memory))
 
 
-def test_auto_takes_the_fused_engine_and_says_so() -> None:
+def test_auto_takes_the_compiled_engine_and_says_so() -> None:
     run = mt.rollout(make_loop("hard"), make_scenario(0.02))
-    assert run.engine == "fused" and run.engine_reason == compiled_engine.REASON
+    assert run.engine == "compiled" and run.engine_reason == compiled_engine.REASON
     run = mt.rollout(make_loop("hard"), make_scenario(0.02), engine="torch")
     assert run.engine == "eager" and run.engine_reason == "asked for"
 
@@ -80,7 +80,7 @@ def test_a_part_of_ones_own_is_compiled() -> None:
         mt.rollout(own_loop(Lukewarm()), make_scenario(0.2), generator=generator(), engine=engine)
         for engine in ("torch", "auto")
     ]
-    assert [run.engine for run in runs] == ["eager", "fused"]
+    assert [run.engine for run in runs] == ["eager", "compiled"]
     torch.testing.assert_close(runs[1].q, runs[0].q, rtol=1e-13, atol=1e-14)
 
 
@@ -103,8 +103,8 @@ def test_what_cannot_be_compiled_is_named_and_runs_in_torch(
         run = mt.rollout(own_loop(attention()), make_scenario(0.02))
     assert run.engine == "eager" and re.search(words, run.engine_reason), run.engine_reason
     assert not caplog.records  # five steps are no wait
-    with pytest.raises(mt.ConfigError, match="engine = 'fused': "):
-        mt.rollout(own_loop(attention()), make_scenario(0.02), engine="fused")
+    with pytest.raises(mt.ConfigError, match="engine = 'compiled': "):
+        mt.rollout(own_loop(attention()), make_scenario(0.02), engine="compiled")
 
 
 def test_a_long_run_in_torch_is_told_of_once(caplog: pytest.LogCaptureFixture) -> None:
@@ -120,7 +120,7 @@ def test_an_adaptive_solver_runs_in_torch() -> None:
     run = mt.rollout(make_loop("nn"), make_scenario(0.01), mt.Odeint("dopri5"))
     assert run.engine == "eager" and "dopri5" in run.engine_reason
     with pytest.raises(mt.ConfigError, match="dopri5"):
-        mt.rollout(make_loop("nn"), make_scenario(0.02), mt.Odeint("dopri5"), engine="fused")
+        mt.rollout(make_loop("nn"), make_scenario(0.02), mt.Odeint("dopri5"), engine="compiled")
 
 
 class Drifting(mt.ClosedLoop):
@@ -133,9 +133,9 @@ class Drifting(mt.ClosedLoop):
 
 def test_a_loop_of_ones_own_is_compiled_and_its_changes_count() -> None:
     loop = Drifting(mt.TwoLinkArm(), make_controller("nn"))
-    runs = [mt.rollout(loop, make_scenario(0.2), engine=engine) for engine in ("fused", "torch")]
+    runs = [mt.rollout(loop, make_scenario(0.2), engine=engine) for engine in ("compiled", "torch")]
     torch.testing.assert_close(runs[0].q, runs[1].q, rtol=1e-13, atol=1e-14)
-    plain = mt.rollout(make_loop("nn"), make_scenario(0.2), engine="fused")
+    plain = mt.rollout(make_loop("nn"), make_scenario(0.2), engine="compiled")
     assert float((runs[0].q - plain.q).abs().max()) > 1e-5
 
 
@@ -143,7 +143,7 @@ def test_a_number_of_a_module_changed_between_rollouts_counts() -> None:
     loop, found = make_loop("nn"), []
     for gravity in (9.8, 0.0, 9.8):
         loop.plant.gravity = gravity
-        pair = [mt.rollout(loop, make_scenario(0.1), engine=e).q for e in ("fused", "torch")]
+        pair = [mt.rollout(loop, make_scenario(0.1), engine=e).q for e in ("compiled", "torch")]
         torch.testing.assert_close(*pair, rtol=1e-13, atol=1e-14)
         found.append(pair[0])
     assert torch.equal(found[0], found[2]) and not torch.equal(found[0], found[1])
@@ -167,7 +167,7 @@ def test_an_array_of_a_module_changed_in_place_counts() -> None:
         attention.shares[0] = share
         pair = [
             mt.rollout(loop, make_scenario(0.1), generator=generator(), engine=e).qd
-            for e in ("fused", "torch")
+            for e in ("compiled", "torch")
         ]
         torch.testing.assert_close(*pair, rtol=1e-13, atol=1e-14)
         found.append(pair[0])
@@ -179,7 +179,7 @@ def test_a_derivative_is_that_of_the_numbers_that_were_run() -> None:
     for later in (9.8, 0.0):
         loop = make_loop("nn")
         (gain,) = loop.controller.tune("base_gain")
-        loss = mt.rollout(loop, make_scenario(0.1), engine="fused").q.square().sum()
+        loss = mt.rollout(loop, make_scenario(0.1), engine="compiled").q.square().sum()
         loop.plant.gravity = later
         slopes.append(torch.autograd.grad(loss, gain)[0])
     assert torch.equal(slopes[0], slopes[1])
@@ -215,7 +215,7 @@ def test_threads_may_start_the_engine_at_once() -> None:
         "loop = mt.ClosedLoop(mt.TwoLinkArm(), mt.MannController(2, 6))\n"
         "task = mt.Scenario(mt.Sinusoid([1.0, 0.3]), mt.arm_parameters(), 0.1)\n"
         "ends = []\n"
-        "run = lambda: ends.append(mt.rollout(loop, task, engine='fused').q[-1].tolist())\n"
+        "run = lambda: ends.append(mt.rollout(loop, task, engine='compiled').q[-1].tolist())\n"
         "threads = [threading.Thread(target=run) for _ in range(6)]\n"
         "[t.start() for t in threads]; [t.join() for t in threads]\n"
         "print(len(ends), all(e == ends[0] for e in ends))"
@@ -229,7 +229,7 @@ def test_threads_may_start_the_engine_at_once() -> None:
     [
         ({"engine": "warp"}, "engine = 'warp'"),
         ({"device": "tpu"}, "device = 'tpu'"),
-        ({"device": "cuda", "engine": "torch"}, "only the fused engine"),
+        ({"device": "cuda", "engine": "torch"}, "only the compiled engine"),
         ({"tape_memory": 0.0}, "tape_memory"),
         ({"motion_dt": -1.0}, "motion_dt"),
         ({"motion_dt": 1e-14}, "motion_dt"),
@@ -249,7 +249,7 @@ def test_without_warp_auto_goes_on_in_torch(monkeypatch: pytest.MonkeyPatch) -> 
     run = mt.rollout(make_loop("nn"), make_scenario(0.02))
     assert run.engine == "eager" and "warp-lang" in run.engine_reason
     with pytest.raises(mt.ConfigError, match="warp-lang"):
-        mt.rollout(make_loop("nn"), make_scenario(0.02), engine="fused")
+        mt.rollout(make_loop("nn"), make_scenario(0.02), engine="compiled")
 
 
 def test_a_kernel_that_cannot_be_built_is_told_and_auto_goes_on(
@@ -268,7 +268,7 @@ def test_a_kernel_that_cannot_be_built_is_told_and_auto_goes_on(
         mt.rollout(make_loop("nn"), make_scenario(3.0))
     assert len(caplog.records) == 1
     with pytest.raises(mt.KernelError, match="no room"):
-        mt.rollout(make_loop("nn"), make_scenario(0.02), engine="fused")
+        mt.rollout(make_loop("nn"), make_scenario(0.02), engine="compiled")
     host._build.cache_clear()
 
 
@@ -276,7 +276,7 @@ def test_kept_motion_is_thinned_inside_the_kernel_and_srmse_is_not() -> None:
     loop, scenario = make_loop("soft"), make_scenario(1.0, jumps=(0.3333,))
     full, *thin = (
         mt.rollout(loop, scenario, generator=generator(), motion_dt=dt, engine=engine)
-        for dt, engine in ((None, "fused"), (0.1, "fused"), (0.1, "torch"))
+        for dt, engine in ((None, "compiled"), (0.1, "compiled"), (0.1, "torch"))
     )
     for run in thin:
         assert len(run.t) == 11 and torch.equal(run.step_t, full.step_t)
@@ -302,7 +302,7 @@ def test_more_neurons_and_slots_than_are_unrolled(attention: mt.Attention) -> No
     loop = mt.ClosedLoop(mt.TwoLinkArm(), mt.MannController(2, 23, memory))
     (gain,) = loop.controller.tune("write_gain")
     runs, slopes = [], []
-    for engine in ("torch", "fused"):
+    for engine in ("torch", "compiled"):
         run = mt.rollout(loop, make_scenario(0.3), generator=generator(), engine=engine)
         slopes.append(torch.autograd.grad(mt.srmse(run).sum(), gain)[0])
         runs.append(run)
@@ -313,9 +313,9 @@ def test_more_neurons_and_slots_than_are_unrolled(attention: mt.Attention) -> No
 def test_a_batch_on_two_cores_gives_the_same_bits() -> None:
     made = case("hard_state_keys", 0.2, batch=7)
     with torch.no_grad():
-        one = made.run(engine="fused")
+        one = made.run(engine="compiled")
         torch.set_num_threads(2)
-        two = made.run(engine="fused")
+        two = made.run(engine="compiled")
     assert torch.equal(one.q, two.q) and torch.equal(one.modes.attended, two.modes.attended)
 
 
@@ -323,7 +323,7 @@ def test_progress_counts_every_step() -> None:
     seen: list[int] = []
     loop = mt.ClosedLoop(mt.TwoLinkArm(), make_controller("nn"))
     run = mt.rollout(loop, make_scenario(0.4), progress=seen.append)
-    assert run.engine == "fused" and sum(seen) == len(run.step_t) - 1
+    assert run.engine == "compiled" and sum(seen) == len(run.step_t) - 1
 
 
 def test_equal_loops_share_a_program() -> None:
@@ -340,7 +340,7 @@ def test_equal_loops_share_a_program() -> None:
 def test_a_gpu_gives_what_a_cpu_gives(name: str) -> None:
     made = case(name, 0.5, batch=9)
     (gain,) = made.loop.controller.tune("base_gain")
-    runs = [made.run(engine="fused", device=device) for device in ("cpu", "cuda")]
+    runs = [made.run(engine="compiled", device=device) for device in ("cpu", "cuda")]
     slopes = [torch.autograd.grad(mt.srmse(run).sum(), gain)[0] for run in runs]
     torch.testing.assert_close(runs[1].q, runs[0].q, rtol=1e-9, atol=1e-12)
     torch.testing.assert_close(slopes[1], slopes[0], rtol=1e-9, atol=0)
@@ -356,5 +356,5 @@ def test_every_controller_is_compiled_from_a_fresh_start_with_every_gradient(nam
     loop.controller.tune(*loop.controller.constants())
     scenario = make_scenario(0.1, jumps=(0.05,))
     run = mt.rollout(loop, scenario, generator=generator(), batch_shape=(6,), effort_after=0.0)
-    assert run.engine == "fused", run.engine_reason
+    assert run.engine == "compiled", run.engine_reason
     (mt.srmse(run).sum() + mt.torque_rate(run).sum()).backward()

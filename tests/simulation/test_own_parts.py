@@ -167,7 +167,7 @@ def test_own_parts_run_compiled_and_agree_with_torch(name: str) -> None:
         slopes = torch.autograd.grad(mt.srmse(run).sum(), free, allow_unused=True)
         found.append((run, slopes))
     (expected, slopes), (mine, own) = found
-    assert (expected.engine, mine.engine) == ("eager", "fused"), mine.engine_reason
+    assert (expected.engine, mine.engine) == ("eager", "compiled"), mine.engine_reason
     assert float((mine.q - expected.q).abs().max()) <= 1e-12
     assert float((mine.qd - expected.qd).abs().max()) <= 1e-11
     reached = 0
@@ -186,7 +186,7 @@ def test_a_plants_own_parameter_gets_the_slope_of_differences() -> None:
     def loss(values: list[float]) -> Tensor:
         with torch.no_grad():
             drag.copy_(torch.tensor(values, dtype=torch.float64))
-        return mt.srmse(mt.rollout(made, scenario, engine="fused")).sum()
+        return mt.srmse(mt.rollout(made, scenario, engine="compiled")).sum()
 
     (slope,) = torch.autograd.grad(loss([0.4, 0.1]), drag)
     with torch.no_grad():

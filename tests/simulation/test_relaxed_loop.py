@@ -20,7 +20,7 @@ def test_the_limit_is_the_hard_controller_and_the_error_falls(name: str) -> None
     soft = made._replace(loop=mt.relaxed(made.loop, temperatures))
     with torch.no_grad():
         expected, found = made.run(), soft.run()
-    assert found.engine == "fused" and found.q.shape[1:] == (3, 3, 2)
+    assert found.engine == "compiled" and found.q.shape[1:] == (3, 3, 2)
     errors = (found.q - expected.q.unsqueeze(1)).square().mean(dim=(0, 2, 3)).sqrt().tolist()
     assert errors[0] > errors[1] > errors[2]
     for a, b in zip(leaves(expected.states), leaves(found.states), strict=True):
@@ -114,6 +114,6 @@ def test_a_fresh_memory_whose_slots_are_all_alike_is_compiled_with_its_gradient(
     run = mt.rollout(
         loop, make_scenario(0.1), gradient="soft", temperature=0.05, generator=generator()
     )
-    assert run.engine == "fused", run.engine_reason
+    assert run.engine == "compiled", run.engine_reason
     (slope,) = torch.autograd.grad(mt.srmse(run).sum(), gain)
     assert bool(torch.isfinite(slope).all()) and bool((slope.diagonal() != 0).all())

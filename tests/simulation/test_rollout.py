@@ -15,7 +15,7 @@ from tests.conftest import CONTROLLERS, generator, make_controller, make_loop, m
 
 @pytest.fixture(params=["auto", "torch"], autouse=True)
 def _engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What `auto` takes is fused, but for torchdiffeq's solvers."""
+    """What `auto` takes is compiled, but for torchdiffeq's solvers."""
     monkeypatch.setattr(mt, "rollout", functools.partial(mt.rollout, engine=request.param))
 
 

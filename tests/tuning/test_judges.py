@@ -29,7 +29,7 @@ from mann_torch.tuning import ensemble as ensemble_file
 from mann_torch.tuning.judges import recording_of
 from tests.conftest import generator, make_loop
 
-ENGINES = ("torch", "fused")
+ENGINES = ("torch", "compiled")
 B = 3
 NAMES = ["error_gain", "rate_W"]
 ZERO = torch.zeros(2, dtype=torch.float64)

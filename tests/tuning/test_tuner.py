@@ -38,7 +38,7 @@ def ensemble(name: str = "hard", horizon: float = 0.08) -> Ensemble:
         ]
     )
     network = loop.controller.initial_network((B,), generator(3))
-    # The torch engine has nothing to compile; the fused engine's effort has tests of its own.
+    # The torch engine has nothing to compile; the compiled engine's effort has tests of its own.
     return Ensemble(loop, scenario, network, mt.Implicit(), effort_after=0.02, engine="torch")
 
 

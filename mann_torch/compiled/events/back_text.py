@@ -76,7 +76,8 @@ struct Back : Rules {
     const Scene scene = {clock, constant, segment, noise, whole, heap};
     const V t = splat(clock[0]), h = splat(clock[1]), zero = splat(0.0), one = splat(1.0);
     const M due = k_after[K_DUE], s = k_after[K_ATTENDED_THEN], number = k_after[K_NUMBER];
-    const M slid = ieq(k_after[K_KIND], isplat(SLID)), located = ieq(k_after[K_KIND], isplat(LOCATED));
+    const M slid = ieq(k_after[K_KIND], isplat(SLID));
+    const M located = ieq(k_after[K_KIND], isplat(LOCATED));
     const V root = from_bits(k_after[K_ROOT]), slope = from_bits(k_after[K_SLOPE]);
     for (int e = 0; e < N_WANTED; ++e) g_constant[e] = zero;
     for (int e = 0; e < N_WANTED_SEGMENT; ++e) g_segment[e] = zero;

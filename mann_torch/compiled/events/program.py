@@ -86,8 +86,7 @@ class EventProgram(Program):
         moving = carried(given, given.floating)
         first = given.first_carry
         after = tuple(
-            Own("after", given.carry_places[i][1], self.examples[first + i])
-            for i in given.floating
+            Own("after", given.carry_places[i][1], self.examples[first + i]) for i in given.floating
         )
         near = (Result("near_out", 0, Leaf((count,))), Result("near_out", count, Leaf(())))
         return [

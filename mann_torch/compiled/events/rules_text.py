@@ -28,7 +28,8 @@ def numbers(n_slots: int, attended: int, switches: int, counts: int, notes: int)
     }
 
 
-RULES = f"""
+RULES = (
+    f"""
 struct Rules : Lanes {{
   static inline CUDA_CALLABLE V tie() {{ return splat({TIE.hex()}); }}
   static inline CUDA_CALLABLE V graze() {{ return splat({GRAZE.hex()}); }}
@@ -36,7 +37,8 @@ struct Rules : Lanes {{
   static inline CUDA_CALLABLE V stencil() {{ return splat({STENCIL.hex()}); }}
   static inline CUDA_CALLABLE V width() {{ return splat({WIDTH.hex()}); }}
   static inline CUDA_CALLABLE V rounding() {{ return splat({ROUNDING.hex()}); }}
-""" + """
+"""
+    + """
   // What a step is given, whatever is asked of it.
   struct Scene {
     const double* clock; const V* constant; const V* segment; const V* noise; const M* whole;
@@ -114,3 +116,4 @@ struct Rules : Lanes {{
   }
 };
 """
+)

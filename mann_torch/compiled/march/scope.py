@@ -71,9 +71,7 @@ class Scope:
     Raises `UntraceableError`.
     """
 
-    def __init__(
-        self, given: Layout, examples: Sequence[Tensor], pieces: Sequence[Piece]
-    ) -> None:
+    def __init__(self, given: Layout, examples: Sequence[Tensor], pieces: Sequence[Piece]) -> None:
         self.given, self.examples = given, examples
         made = [trace(self._flat(p), [*_examples(p), *examples]) for p in pieces]
         self.operations = sum(len(m.graph.nodes) for m in made)
@@ -152,9 +150,7 @@ class Scope:
         floating = [i for i, result in enumerate(piece.results) if result.leaf.kind == "f"]
         wanted = [i + count for i in self.wanted_places(back.constants, back.segments)]
         wanted += [number for number, _ in back.own]
-        made = trace_vjp(
-            self._flat(piece), [*_examples(piece), *self.examples], wanted, floating
-        )
+        made = trace_vjp(self._flat(piece), [*_examples(piece), *self.examples], wanted, floating)
         inputs = [*_own(g, piece), *self._inputs()]
         for i in floating:
             _, offset, leaf = piece.results[i]

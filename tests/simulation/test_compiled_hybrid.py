@@ -1,4 +1,4 @@
-"""Hybrid steps of the fused engine: the torch engine's states, counts and gradients."""
+"""Hybrid steps of the compiled engine: the torch engine's states, counts and gradients."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def both(made: Case, *arguments: object, **options: object) -> list[mt.Trajector
     with torch.no_grad():
         runs = [
             made.run(solver=mt.Implicit(), engine=engine, gradient="hybrid", **options)
-            for engine in ("torch", "fused")
+            for engine in ("torch", "compiled")
         ]
     for mine, other in zip(*(sequence(run) for run in runs), strict=True):
         assert torch.equal(mine, other)
@@ -51,7 +51,7 @@ def test_gradients_equal_those_of_torch(name: str) -> None:
     if "shift_threshold" in constants:
         free["theta"] = constants["shift_threshold"].requires_grad_(True)
     expected, found = (
-        gradients(made, free, engine=engine, gradient="hybrid") for engine in ("torch", "fused")
+        gradients(made, free, engine=engine, gradient="hybrid") for engine in ("torch", "compiled")
     )
     assert found.keys() == expected.keys() == free.keys()
     for key, gradient in expected.items():
@@ -65,15 +65,15 @@ def test_gradients_equal_those_of_torch(name: str) -> None:
     + [(QUICK[0], constant) for constant in ("write_gain", "shift_threshold")],
 )
 def test_equal_to_central_differences(name: str, constant: str) -> None:
-    check_against_differences(name, constant, "fused", 0.5)
+    check_against_differences(name, constant, "compiled", 0.5)
 
 
 def test_segments_give_the_same_bits() -> None:
     made, free = freed(case(QUICK[0], 0.4))
-    whole = gradients(made, free, engine="fused", gradient="hybrid")
+    whole = gradients(made, free, engine="compiled", gradient="hybrid")
     for steps in (2, 7, 50):
         memory = 2.0 * 8 * 3 * 200 * steps
-        pieces = gradients(made, free, engine="fused", gradient="hybrid", tape_memory=memory)
+        pieces = gradients(made, free, engine="compiled", gradient="hybrid", tape_memory=memory)
         assert all(torch.equal(pieces[key], whole[key]) for key in whole)
 
 
@@ -89,7 +89,7 @@ def test_chattering_is_averaged_and_counted_over_a_minute() -> None:
             made.loop,
             made.scenario,
             network=made.network,
-            engine="fused",
+            engine="compiled",
             gradient=gradient,
             motion_dt=0.05,
             sample_until=0.0,
@@ -106,7 +106,7 @@ def test_chattering_is_averaged_and_counted_over_a_minute() -> None:
 def test_without_switches_hybrid_is_plain() -> None:
     loop, scenario = make_loop("nn"), make_scenario(0.1)
     plain, hybrid = (
-        mt.rollout(loop, scenario, engine="fused", gradient=gradient)
+        mt.rollout(loop, scenario, engine="compiled", gradient=gradient)
         for gradient in ("plain", "hybrid")
     )
     assert hybrid.events is None and torch.equal(plain.q, hybrid.q)
