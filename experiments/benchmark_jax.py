@@ -16,7 +16,7 @@ import torch
 from jax import Array
 
 from mann_torch.plants import TwoLinkArm
-from mann_torch.simulation.implicit import GAMMA
+from mann_torch.simulation.solvers.implicit import GAMMA
 from mann_torch.simulation.step_grid import StepGrid, shares_of
 
 from .build import Experiment
@@ -128,7 +128,7 @@ class Peer:
         ), (solved[:, 1:3], solved[:, 3:5], solved[:, 5])
 
     def step(self, t: Array, h: Array, y: State, k: Array, c: dict[str, Array]) -> State:
-        """The W-method of `simulation/implicit.py`."""
+        """The W-method of `simulation/solvers/implicit.py`."""
         f, (stiffness, damping, drift) = self.rates(t, y, k, c)
         gh = GAMMA * h
         matrix = jnp.eye(2) + gh * (damping + gh * stiffness)

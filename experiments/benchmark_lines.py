@@ -67,9 +67,9 @@ def section(chosen: Sequence[str] = ()) -> Section:
     cuda = "" if torch.cuda.is_available() else " No CUDA device was at hand: its rows are missing."
     text = f"""N = 10, 5 slots, scenario 1, draws 0 to B - 1, float64. Soft attention is smooth, so
 that every engine and solver must reach the same figure. Times are per simulated second and
-trajectory; each line ran in a process of its own, on the stretch it names, and `~` marks 330 s extrapolated from it. "With gradient" is forward
-and backward to all constants. "Off" compares SRMSE of draw 0 with the limit over the same stretch,
-the W-method at 0.25 ms.{cuda}
+trajectory; each line ran in a process of its own, on the stretch it names, and `~` marks 330 s
+extrapolated from it. "With gradient" is forward and backward to all constants. "Off" compares SRMSE
+of draw 0 with the limit over the same stretch, the W-method at 0.25 ms.{cuda}
 
 {table(results)}{reasons(results)}
 

@@ -1,14 +1,14 @@
 """Closed loops, solvers and rollouts: where plants, controllers and signals meet."""
 
 from .closed_loop import ClosedLoop
-from .events import EventCounts
+from .events.steps import EventCounts
 from .gradients import GRADIENTS, check_gradient
-from .implicit import Implicit
 from .observation import attended_slot, observe
-from .odeint import METHODS, Odeint
 from .rollout import ENGINES, check_engine, rollout
 from .scenario import Scenario
-from .solver import Flow, Solver
+from .solvers.implicit import Implicit
+from .solvers.odeint import METHODS, Odeint
+from .solvers.solver import Flow, Solver
 from .task import Effort
 from .trajectory import Motion, Outcome, Status, Trajectory
 

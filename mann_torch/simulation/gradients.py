@@ -5,12 +5,12 @@ from __future__ import annotations
 from ..errors import ConfigError
 from ..functional import Numbers
 from .closed_loop import ClosedLoop
-from .implicit import Implicit
-from .solver import Solver
+from .solvers.implicit import Implicit
+from .solvers.solver import Solver
 
 #: ``plain``: autograd through the steps; decisions fall on step ends and have no gradient.
 #: ``hybrid``: isolated switches and resets are located inside their step and differentiated through
-#: their time, see `events.hybrid_step`.
+#: their time, see `events/steps.hybrid_step`.
 #: ``soft``: the relaxed controller of a temperature instead, in which nothing switches, see
 #: `memory.relaxed`.
 GRADIENTS = ("plain", "hybrid", "soft")

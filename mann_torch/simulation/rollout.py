@@ -15,12 +15,12 @@ from ..functional import Numbers, as_float64
 from ..memory import relaxed
 from ..trees import leaf_names
 from ..types import NetworkState
-from . import compiled_engine, torch_engine
 from .closed_loop import ClosedLoop
+from .engines import compiled_engine, torch_engine
 from .gradients import check_gradient, locates_events
-from .implicit import Implicit
 from .scenario import Scenario
-from .solver import Solver
+from .solvers.implicit import Implicit
+from .solvers.solver import Solver
 from .step_grid import StepGrid
 from .task import Record, Task
 from .trajectory import Trajectory
@@ -75,8 +75,8 @@ def rollout(
             (`torque_rate`, `peak_torque`).
         divergence_limit: a sample with a state entry beyond this, or NaN, is frozen there and
             reported in `status`; the others go on undisturbed.
-        engine: ``compiled`` traces the loop's step and runs the whole rollout as one kernel, batches
-            on `torch.get_num_threads()` cores; ``torch`` runs any loop and any solver;
+        engine: ``compiled`` traces the loop's step and runs the rollout as one kernel, batches on
+            `torch.get_num_threads()` cores; ``torch`` runs any loop and any solver;
             ``auto`` takes the compiled engine for a loop whose step can be traced.
             `Trajectory.engine` and `engine_reason` tell which was taken, and why.
         device: where the compiled engine runs, ``cpu`` or ``cuda``; what goes in and comes out is
@@ -86,7 +86,7 @@ def rollout(
         gradient: ``plain``: decisions fall on step ends and have no gradient of their own;
             ``hybrid``: isolated switches and resets are located inside their step and
             differentiated through their time, chattering is averaged; `Trajectory.events` counts
-            both (see `simulation/events.py`). Its values, too, are those of located events;
+            both (see `simulation/events`). Its values, too, are those of located events;
             ``soft``: the relaxed controller of `temperature` runs instead (see `relaxed`).
         temperature: of ``soft``, [-], a number or (...,).
         progress: called with the number of steps done since the last call.

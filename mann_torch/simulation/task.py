@@ -12,9 +12,9 @@ from torch import Tensor
 from ..signals import NoiseTable, Reference, noise_at
 from ..types import LoopState, Measurement, Mode
 from .closed_loop import ClosedLoop
-from .events import EventCounts
+from .events.steps import EventCounts
 from .scenario import Scenario
-from .solver import Solver
+from .solvers.solver import Solver
 from .step_grid import StepGrid
 
 
@@ -39,7 +39,7 @@ class Task:
     noise: NoiseTable | None  # on what is measured
     noise_instants: Tensor  # (T,) int64, sampling instant of each step
     effort_after: float | None  # peak torques count from here on [s]; None: no effort
-    hybrid: bool = False  # steps locate events, see `events.hybrid_step`
+    hybrid: bool = False  # steps locate events, see `events/steps.hybrid_step`
 
     def noise_in(self, k: int) -> Measurement | None:
         """What the sensors add in step k, each member (..., n)."""

@@ -13,7 +13,7 @@ from ..errors import RecordError
 from ..signals import Reference
 from ..trees import map_tensors
 from ..types import LoopState, Mode, ReferenceSample
-from .events import EventCounts
+from .events.steps import EventCounts
 from .step_grid import counted_in
 from .task import Effort
 

@@ -14,7 +14,7 @@ from torch import Tensor
 
 import mann_torch as mt
 from mann_torch.compiled.march import engine, kernel_text, packing
-from mann_torch.simulation import compiled_engine
+from mann_torch.simulation.engines import compiled_engine
 from tests.conftest import generator, make_loop, make_scenario
 from tests.simulation.loops import case
 

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import mann_torch as mt
-from mann_torch.simulation.compiling import CompiledOrEager
+from mann_torch.simulation.solvers.compiling import CompiledOrEager
 
 ROOT = Path(__file__).parent.parent.parent
 

@@ -14,7 +14,7 @@ import torch
 
 import mann_torch as mt
 from mann_torch.compiled.host import kernels as host
-from mann_torch.simulation import compiled_engine
+from mann_torch.simulation.engines import compiled_engine
 from mann_torch.types import Comparison, Measurement, PlantState
 from tests.conftest import generator, make_controller, make_loop, make_scenario
 from tests.simulation.loops import NAMES, case

@@ -20,7 +20,7 @@ from mann_torch.compiled import (
 )
 from mann_torch.compiled.march.agreement import check_agreement, row_of
 from mann_torch.functional import pick
-from mann_torch.simulation.events import EventCounts, hybrid_step
+from mann_torch.simulation.events.steps import EventCounts, hybrid_step
 from mann_torch.types import MemoryMode, Proximity
 
 

@@ -29,7 +29,7 @@ class Places(NamedTuple):
 
 
 class HybridStep(Protocol):
-    """A hybrid step of one sample: what `simulation/events.Branched` is to the torch engine.
+    """A hybrid step of one sample: what `simulation/events/steps.Branched` is to the torch engine.
 
     t, h () [s]; `given` are the step's arguments, its carry that of one sample.
     """

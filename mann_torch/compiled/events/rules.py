@@ -1,4 +1,4 @@
-"""How every engine finds events inside a step; see `simulation/events.py` and `roots.py`."""
+"""How every engine finds events inside a step; see `simulation/events`."""
 
 #: An event function this far above 0 is past its event; rounding stays below. Its units: those of
 #: sigma for contents and theta, [rad] for state keys.

@@ -1,6 +1,6 @@
 """C++ text that the forward and the backward skeleton share: event functions, choices by lane.
 
-The rules are those of `simulation/events.py`, line for line; that file says what they mean.
+The rules are those of `simulation/events`, line for line; it says what they mean.
 """
 
 from .rules import FLAT, GRAZE, ITERATIONS, ROUNDING, STENCIL, TIE, WIDTH

@@ -1,4 +1,4 @@
-"""C++ text of a hybrid step: `simulation/events.hybrid_step` on groups of lanes.
+"""C++ text of a hybrid step: `simulation/events/steps.hybrid_step` on groups of lanes.
 
 Where one lane meets an event all go through what it asks for, and drop what does not concern them.
 """

@@ -1,4 +1,4 @@
-"""A closed loop with its attention held, as `events.hybrid_step` takes it."""
+"""A closed loop with its attention held, as `events/steps.hybrid_step` takes it."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from ..functional import one_hot
-from ..plants.plant import Coefficients
-from ..signals import Sampler
-from ..trees import Packer
-from ..types import LoopState, Measurement, MemoryMode, Proximity
-from .closed_loop import ClosedLoop
-from .flat_flow import FlatFlow, flat_rates
-from .solver import Solver
+from ...functional import one_hot
+from ...plants.plant import Coefficients
+from ...signals import Sampler
+from ...trees import Packer
+from ...types import LoopState, Measurement, MemoryMode, Proximity
+from ..closed_loop import ClosedLoop
+from ..solvers.flat_flow import FlatFlow, flat_rates
+from ..solvers.solver import Solver
 
 
 @dataclass(frozen=True)

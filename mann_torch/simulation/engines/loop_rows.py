@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from ..trees import leaves, map_tensors
-from .loop_step import LoopStep, Part, as_rows
-from .step_grid import counted_in, shares_of
-from .task import Task
+from ...trees import leaves, map_tensors
+from ..step_grid import counted_in, shares_of
+from ..task import Task
+from .loop_parts import Part, as_rows
+from .loop_step import LoopStep
 
 
 class Rows(NamedTuple):

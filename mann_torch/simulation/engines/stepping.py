@@ -9,17 +9,17 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from ..functional import pick
-from ..plants.plant import Coefficients
-from ..signals import Reference
-from ..trees import Packer, map_tensors
-from ..types import LoopState, Measurement, Mode
-from .branches import Branches
-from .closed_loop import ClosedLoop
-from .compiling import CompiledOrEager
-from .events import EventCounts, hybrid_step, jump
-from .flat_flow import FlatFlow, flat_rates
-from .solver import Solver
+from ...functional import pick
+from ...plants.plant import Coefficients
+from ...signals import Reference
+from ...trees import Packer, map_tensors
+from ...types import LoopState, Measurement, Mode
+from ..closed_loop import ClosedLoop
+from ..events.branches import Branches
+from ..events.steps import EventCounts, hybrid_step, jump
+from ..solvers.compiling import CompiledOrEager
+from ..solvers.flat_flow import FlatFlow, flat_rates
+from ..solvers.solver import Solver
 
 
 class Carry(NamedTuple):

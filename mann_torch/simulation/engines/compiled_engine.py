@@ -10,7 +10,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ..compiled import (
+from ...compiled import (
     EventProgram,
     Job,
     Marched,
@@ -20,26 +20,22 @@ from ..compiled import (
     missing,
     transformed,
 )
-from ..compiled.march.agreement import check_agreement
-from ..compiled.trace.fingerprint import Fingerprint
-from ..errors import ConfigError
-from ..signals import Reference
-from ..trees import rebuilt
-from ..types import LoopState
-from .closed_loop import ClosedLoop
+from ...compiled.march.agreement import check_agreement
+from ...compiled.trace.fingerprint import Fingerprint
+from ...errors import ConfigError
+from ...signals import Reference
+from ...trees import rebuilt
+from ...types import LoopState
+from ..closed_loop import ClosedLoop
+from ..scenario import Scenario
+from ..solvers.solver import Solver
+from ..step_grid import MERGE, shares_of
+from ..task import Effort, Record, Task
+from ..trajectory import Status
 from .loop_events import LoopEvents, counts_of
+from .loop_parts import loop_parts, reference_parts, single_reference
 from .loop_rows import Rows, coefficient_leaves, task_rows
-from .loop_step import (
-    LoopStep,
-    loop_parts,
-    reference_parts,
-    single_reference,
-)
-from .scenario import Scenario
-from .solver import Solver
-from .step_grid import MERGE, shares_of
-from .task import Effort, Record, Task
-from .trajectory import Status
+from .loop_step import LoopStep
 
 log = logging.getLogger("mann_torch")
 REASON = "the step was traced and compiled"

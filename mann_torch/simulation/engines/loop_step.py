@@ -5,93 +5,25 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, Self
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
-from ..compiled import Layout, Leaf, frozen, with_tensors
-from ..constraints import DesignModule
-from ..plants.plant import Coefficients
-from ..signals import Reference, scaled
-from ..trees import Packer, leaves, map_tensors, rebuilt
-from ..types import LoopState, Measurement, Mode
-from .flat_flow import flat_rates
-from .step_grid import MERGE
+from ...compiled import Layout, Leaf, frozen, with_tensors
+from ...plants.plant import Coefficients
+from ...signals import Reference, scaled
+from ...trees import Packer, leaves, map_tensors, rebuilt
+from ...types import LoopState, Measurement, Mode
+from ..solvers.flat_flow import flat_rates
+from ..step_grid import MERGE
+from ..task import Task
 from .stepping import advance
-from .task import Task
 
 #: Numbers of the clock: time, step, the next time and its share; with effort also one over the
 #: step before, and whether peaks count.
 CLOCK, EFFORT_CLOCK = 4, 2
-
-
-@dataclass(frozen=True)
-class Part:
-    """A tensor of the loop or the reference by name, one row a sample of the flat batch."""
-
-    name: str
-    rows: Tensor  # (B, *event)
-
-
-def held_tensors(module: nn.Module) -> dict[str, Tensor]:
-    """Parameters, buffers, and design constants that are shared tensors, by dotted name."""
-    found: dict[str, Tensor] = {
-        **dict(module.named_parameters()),
-        **dict(module.named_buffers()),
-    }
-    for prefix, part in module.named_modules():
-        if isinstance(part, DesignModule):
-            for name in part.domains():
-                dotted = f"{prefix}.{name}" if prefix else name
-                found.setdefault(dotted, getattr(part, name))
-    return found
-
-
-def _event_dims(module: nn.Module, names: Sequence[str]) -> dict[str, int | None]:
-    """Trailing dimensions that make one value of each design constant; None for other tensors."""
-    found: dict[str, int | None] = dict.fromkeys(names)
-    for prefix, part in module.named_modules():
-        if isinstance(part, DesignModule):
-            for name, domain in part.domains().items():
-                found[f"{prefix}.{name}" if prefix else name] = domain.event_dims
-    return found
-
-
-def as_rows(value: Tensor, batch: torch.Size, event_dims: int | None) -> Tensor:
-    """(..., *event) -> (B, *event); without `event_dims` the whole tensor is one sample's."""
-    count = value.dim() if event_dims is None else event_dims
-    event = value.shape[value.dim() - count :]
-    return value.expand((*batch, *event)).reshape((batch.numel(), *event))
-
-
-def loop_parts(task: Task) -> list[Part]:
-    """All tensors that the loop holds."""
-    held = held_tensors(task.loop)
-    dims = _event_dims(task.loop, list(held))
-    return [Part(n, as_rows(value, task.batch, dims[n])) for n, value in held.items()]
-
-
-def single_reference(task: Task) -> Reference:
-    """The reference as one sample has it, or, where samples differ, the batch's."""
-    given = task.scenario.reference
-    return task.reference if given.batch_shape else given.expand(())
-
-
-def reference_parts(task: Task, single: Reference) -> list[Part]:
-    """All tensors that the reference holds: those that grow with the batch are a sample's own."""
-    batch, given = task.batch, task.scenario.reference
-    held = held_tensors(single)
-    if not given.batch_shape:
-        return [Part(name, as_rows(value, batch, None)) for name, value in held.items()]
-    wider = held_tensors(given.expand((1, *batch)))
-    parts = []
-    for name, value in held.items():
-        own = wider[name].dim() == value.dim() + 1
-        parts.append(Part(name, as_rows(value, batch, value.dim() - len(batch) if own else None)))
-    return parts
 
 
 class Bound(NamedTuple):

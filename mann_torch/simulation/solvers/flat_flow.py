@@ -8,12 +8,12 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ..functional import pick
-from ..plants.plant import Coefficients
-from ..signals import Sampler
-from ..trees import Packer, map_tensors
-from ..types import Linearization, LoopState, Measurement, Mode
-from .closed_loop import ClosedLoop
+from ...functional import pick
+from ...plants.plant import Coefficients
+from ...signals import Sampler
+from ...trees import Packer, map_tensors
+from ...types import Linearization, LoopState, Measurement, Mode
+from ..closed_loop import ClosedLoop
 
 
 def flat_rates(

@@ -7,8 +7,8 @@ from typing import Protocol
 
 from torch import Tensor
 
-from ..errors import ConfigError
-from ..types import Linearization
+from ...errors import ConfigError
+from ...types import Linearization
 
 
 class Flow(Protocol):

@@ -5,13 +5,13 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ..trees import Packer, map_tensors
-from ..types import LoopState
-from .events import no_events
-from .step_grid import MERGE, counted_in, shares_of
+from ...trees import Packer, map_tensors
+from ...types import LoopState
+from ..events.steps import no_events
+from ..step_grid import MERGE, counted_in, shares_of
+from ..task import Effort, Record, Task
+from ..trajectory import Status
 from .stepping import Carry, Stepper
-from .task import Effort, Record, Task
-from .trajectory import Status
 
 
 def run(task: Task, reason: str) -> Record:

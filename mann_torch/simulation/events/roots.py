@@ -7,7 +7,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from ..compiled.events.rules import FLAT, GRAZE, ITERATIONS, ROUNDING, STENCIL, WIDTH
+from ...compiled.events.rules import FLAT, GRAZE, ITERATIONS, ROUNDING, STENCIL, WIDTH
 
 Probe = Callable[[Tensor], Tensor]  # fractions of the step (...,) [s] -> event functions (..., E)
 

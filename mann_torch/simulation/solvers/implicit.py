@@ -7,8 +7,8 @@ import math
 import torch
 from torch import Tensor
 
-from ..functional import solve_small, times_column
-from ..types import Linearization
+from ...functional import solve_small, times_column
+from ...types import Linearization
 from .solver import Flow, Solver
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from torchdiffeq import odeint
 
-from ..errors import ConfigError, SolverError
+from ...errors import ConfigError, SolverError
 from .solver import Flow, Solver
 
 ADAPTIVE = ("dopri5", "dopri8", "bosh3", "fehlberg2", "adaptive_heun")

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from ..compiled import EVENT_LEAVES, Arguments, Layout, Places
-from ..trees import leaf_names, leaves, rebuilt
-from ..types import LoopState, MemoryMode, Proximity
-from .branches import Branches
-from .events import EventCounts, hybrid_step, jump
+from ...compiled import EVENT_LEAVES, Arguments, Layout, Places
+from ...trees import leaf_names, leaves, rebuilt
+from ...types import LoopState, MemoryMode, Proximity
+from ..events.branches import Branches
+from ..events.steps import EventCounts, hybrid_step, jump
+from ..task import Task
 from .loop_step import LoopStep
-from .task import Task
 
 
 class Scene(NamedTuple):

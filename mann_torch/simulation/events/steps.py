@@ -7,9 +7,9 @@ from typing import NamedTuple, Protocol
 import torch
 from torch import Tensor
 
-from ..compiled.events.rules import TIE
-from ..functional import one_hot, pick
-from ..types import MemoryMode, Proximity
+from ...compiled.events.rules import TIE
+from ...functional import one_hot, pick
+from ...types import MemoryMode, Proximity
 from .roots import first_root, slope_at
 
 

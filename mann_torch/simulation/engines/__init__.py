@@ -1,0 +1,1 @@
+"""What runs a `Task`: PyTorch step by step, or the compiled march."""

@@ -1,0 +1,1 @@
+"""One step of an ODE: the linearly implicit method, torchdiffeq's methods."""
