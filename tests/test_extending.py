@@ -28,7 +28,12 @@ CHECKS: dict[str, Callable[[str, str], None]] = {
     for name, check in vars(module).items()
     if name.startswith("test_") and {"attention", "rule"} <= set(_args(check))
 }
-PAIRS = [("k_nearest", "representation"), ("k_nearest", "direction"), ("soft", "direction")]
+PAIRS = [
+    ("k_nearest", "representation"),
+    ("k_nearest", "direction"),
+    ("soft", "direction"),
+    ("euclidean", "direction"),
+]
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +42,7 @@ def page() -> dict[str, Any]:
     names: dict[str, Any] = {}
     torch.manual_seed(0)
     snippets = re.findall(r"```python\n(.*?)```", PAGE, re.S)
-    assert len(snippets) == 3
+    assert len(snippets) == 4
     for snippet in snippets:
         exec(compile(snippet, "docs/extending.md", "exec"), names)
     return names
@@ -46,6 +51,7 @@ def page() -> dict[str, Any]:
 @pytest.fixture(autouse=True)
 def _registered(page: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(conftest.ATTENTION_MAKERS, "k_nearest", page["KNearestAttention"])
+    monkeypatch.setitem(conftest.ATTENTION_MAKERS, "euclidean", page["EuclideanAttention"])
     monkeypatch.setitem(KEY_RULES, "direction", page["DirectionKeys"])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import re
 from collections.abc import Sequence
@@ -21,9 +22,10 @@ from mann_torch.types import (
     ControlOutput,
     Measurement,
     MemoryMode,
+    MemoryState,
     ReferenceSample,
 )
-from tests.conftest import generator
+from tests.conftest import generator, randn
 
 PAGE = (Path(__file__).parents[2] / "docs" / "extending.md").read_text()
 
@@ -110,16 +112,23 @@ class Heun(Solver):
         return y + 0.5 * h * (first + flow(t + h, y + h * first))
 
 
-def k_nearest() -> mt.Attention:
-    """The attention of docs/extending.md, as printed there."""
+def printed() -> dict[str, Any]:
+    """The attentions and the key rule of docs/extending.md, as printed there."""
     names: dict[str, Any] = {}
-    exec(re.findall(r"```python\n(.*?)```", PAGE, re.S)[0], names)
-    attention: mt.Attention = names["KNearestAttention"](k=2)
-    return attention
+    for snippet in re.findall(r"```python\n(.*?)```", PAGE, re.S)[:3]:
+        exec(snippet, names)
+    return names
 
 
-def memory(attention: mt.Attention) -> mt.WorkingMemory:
-    return mt.WorkingMemory(4, 6, attention)
+def memory(attention: mt.Attention, *rule: mt.KeyRule, spread: float = 0.0) -> mt.WorkingMemory:
+    """Slots that start alike, or `spread` apart."""
+    made = mt.WorkingMemory(4, 6, attention, *rule, context_width=2 if rule else 0)
+    if spread:
+        draws = [
+            randn(*x.shape, seed=i) for i, x in enumerate((made.initial_mu, made.initial_keys))
+        ]
+        made.store_(MemoryState(0.3 + spread * draws[0], draws[1]))
+    return made
 
 
 def loop(name: str) -> tuple[mt.ClosedLoop, mt.Scenario, mt.Solver | None]:
@@ -135,12 +144,24 @@ def loop(name: str) -> tuple[mt.ClosedLoop, mt.Scenario, mt.Solver | None]:
         scenario = mt.Scenario(Waypoints(points, 0.15), mt.arm_parameters(), 0.4)
         return mt.ClosedLoop(arm, mt.MannController(2, 6)), scenario, None
     if name == "k nearest":
-        return mt.ClosedLoop(arm, mt.MannController(2, 6, memory(k_nearest()))), scenario, None
+        return (
+            mt.ClosedLoop(
+                arm, mt.MannController(2, 6, memory(printed()["KNearestAttention"](k=2)))
+            ),
+            scenario,
+            None,
+        )
+    if name == "euclidean on a circle":
+        names = printed()
+        parts = names["EuclideanAttention"](), names["DirectionKeys"](key_rate=2.0)
+        held = memory(*parts, spread=0.2)
+        return mt.ClosedLoop(arm, mt.MannController(2, 6, held)), scenario, None
     if name == "heun":
         calm = mt.MannController(2, 6, error_gain=2.0, robust_gain=1.0)
         return mt.ClosedLoop(arm, calm), scenario, Heun(2e-3)
     links = int(name[0])
-    controller = mt.MannController(links, 6, memory(mt.ReallocatingAttention("initial")))
+    attention = mt.ReallocatingAttention("always" if "always" in name else "initial", 0.1)
+    controller = mt.MannController(links, 6, memory(attention))
     amplitude = [0.4 / (1 + i) for i in range(links)]
     sizes = torch.linspace(1.0, 0.6, links, dtype=torch.float64)
     parameters = NLinkParameters(sizes, 1.2 * sizes)
@@ -177,6 +198,33 @@ def test_own_parts_run_compiled_and_agree_with_torch(name: str) -> None:
         reached += bool(a.abs().max() > 0)
         assert float((a - b).norm()) <= 1e-10 * max(float(a.norm()), 1e-300)
     assert reached >= 6
+
+
+@pytest.mark.parametrize("name", ["euclidean on a circle", "3 links, always", "dragged arm"])
+def test_events_of_own_parts_are_located_compiled(name: str) -> None:
+    """An attention and a key rule of docs/extending.md; a plant of three joints; one with more."""
+    found = []
+    for engine in ("torch", "auto"):
+        made, scenario, solver = loop(name)
+        scenario = dataclasses.replace(scenario, horizon=1.0)
+        free = [p.requires_grad_(True) for p in made.parameters()]
+        run = mt.rollout(
+            made, scenario, solver, generator=generator(2), batch_shape=(3,), engine=engine,
+            gradient="hybrid",
+        )  # fmt: skip
+        slopes = torch.autograd.grad(mt.srmse(run).sum(), free, allow_unused=True)
+        found.append((run, slopes))
+    (expected, slopes), (mine, own) = found
+    assert (expected.engine, mine.engine) == ("eager", "compiled"), mine.engine_reason
+    assert expected.events is not None and mine.events is not None
+    print(name, *(count.tolist() for count in mine.events))
+    assert int(expected.events.located.sum()) > 2
+    assert all(torch.equal(a, b) for a, b in zip(expected.events, mine.events, strict=True))
+    assert float((mine.q - expected.q).abs().max()) <= 1e-11
+    for a, b in zip(slopes, own, strict=True):
+        assert (a is None) == (b is None or not bool(b.any()))
+        if a is not None and b is not None:
+            assert float((a - b).norm()) <= 1e-9 * max(float(a.norm()), 1e-300)
 
 
 def test_a_plants_own_parameter_gets_the_slope_of_differences() -> None:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import torch
 from torch import Tensor
 
+from ...compiled import transformed
+from ...plants.plant import Coefficients
 from ...trees import Packer, map_tensors
 from ...types import LoopState
 from ..events.steps import no_events
@@ -12,71 +16,80 @@ from ..step_grid import MERGE, counted_in, shares_of
 from ..task import Effort, Record, Task
 from ..trajectory import Status
 from .stepping import Carry, Stepper
+from .torch_block import Block, Front, joined, trail_of, versions_of
+
+#: Steps that are computed again at a time, where not all fit on the tape.
+BLOCK = 20
+#: What autograd keeps of a step [bytes]: in any case, and for each number of the state.
+NODES, EACH = 5e5, 50.0
 
 
 def run(task: Task, reason: str) -> Record:
-    """Jump, flow, record; autograd runs through all of it."""
-    loop, grid, batch = task.loop, task.grid, task.batch
+    """Jump, flow, record; autograd runs through all of it.
+
+    Where a tape of all steps would take more than `task.tape_memory`, it holds the ends of blocks
+    alone, and the backward pass computes each block again.
+    """
+    batch = task.batch
     n = task.state.plant.q.shape[-1]
     packer = Packer(task.state, len(batch))
     y = packer.pack(task.state)
     measured = task.effort_after is not None
-    stepper = Stepper(loop, task.solver, packer, task.limit, measured, task.hybrid)
+    stepper = Stepper(task.loop, task.solver, packer, task.limit, measured, task.hybrid)
     events = no_events(batch) if task.hybrid else None
     carry = Carry(y, task.mode, torch.ones(batch, dtype=torch.bool), events=events)
-    safe = fallen = torch.zeros_like(y, requires_grad=False)
-    stopped = torch.full(batch, -1)
-    sampled = set(task.state_rows)
-    motion, kept = [y[..., : 2 * n].clone()], [carry] if 0 in sampled else []
-    torques: list[Tensor] = []
-    times, sizes = grid.times.unbind(), grid.times.diff().unbind()
-    n_alive, done = carry.alive.numel(), 0
-    for segment in grid.segments:
-        lookup = torch.tensor(segment.lookup, dtype=torch.float64)
-        coefficients = loop.plant.coefficients(task.scenario.parameters_at(lookup))
-        for k in range(segment.first, segment.last):
-            arguments = (task.reference, coefficients, task.noise_in(k))
-            before = carry
-            if n_alive == before.alive.numel():
-                carry = stepper(times[k], sizes[k], before, *arguments)
-            if n_alive < before.alive.numel() or not bool(carry.alive.all()):
-                carry, bad = stepper.without_dead(times[k], sizes[k], before, safe, *arguments)
-                fell = before.alive & ~carry.alive
-                stopped = torch.where(fell, k, stopped)
-                fallen = torch.where(fell.unsqueeze(-1), bad, fallen)
-                n_alive = int(carry.alive.sum())
-            motion.append(carry.y[..., : 2 * n].clone())
-            if carry.torque is not None:
-                torques.append(carry.torque)
-            if k + 1 in sampled:
-                kept.append(carry)
-            done += 1
-            if task.progress is not None and done % 100 == 0:
-                task.progress(100)
-            if n_alive == 0:
-                break
-        if n_alive == 0:
+    front = Front(carry, torch.full(batch, -1), torch.zeros_like(y, requires_grad=False))
+    trails = [trail_of([y[..., : 2 * n]], [carry] if 0 in task.state_rows else [], [])]
+    cut, versions = _is_long(task, y), versions_of(task.loop, task.reference)
+    for first, last, coefficients in _blocks(task):
+        block = Block(task, stepper, coefficients, first, last)
+        if first > 0 and cut:
+            found = block.recomputed(front)
+        else:
+            found = block.run(front)
+            cut = cut and block.can_be_cut(versions, front, found)
+        front = found.front
+        trails.append(found.trail)
+        if task.progress is not None:
+            task.progress(len(found.trail.motion))
+        if not bool(front.carry.alive.any()):
             break
-    if task.progress is not None:
-        task.progress(done % 100)
-    track = torch.stack(motion)
-    rows = [k for k in task.motion_rows if k <= done]
-    squared = _squared_error(task, track[..., :n], stopped)
-    kind, leaf = _causes(packer, fallen, stopped, task.limit)
+    motion, states, modes, torques = joined(trails)
+    stopped = front.stopped
+    rows = [k for k in task.motion_rows if k < len(motion)]
+    squared = _squared_error(task, motion[..., :n], stopped)
+    kind, leaf = _causes(packer, front.fallen, stopped, task.limit)
     return Record(
-        motion=track[rows],
+        motion=motion[rows],
         squared_error=squared[rows],
         effort=map_tensors(lambda sums: sums[rows], _effort(task, torques, stopped)),
-        states=packer.unpack(torch.stack([c.y for c in kept])),
-        modes=map_tensors(lambda *leaves: torch.stack(leaves), *[c.mode for c in kept]),
-        final_mode=carry.mode,
-        events=carry.events,
+        states=packer.unpack(states),
+        modes=modes,
+        final_mode=front.carry.mode,
+        events=front.carry.events,
         stopped=stopped,
         kind=kind,
         leaf=leaf,
         engine=stepper.engine,
         reason=reason,
     )
+
+
+def _blocks(task: Task) -> Iterator[tuple[int, int, Coefficients]]:
+    """First and last step of each block, and the plant's coefficients in it."""
+    for segment in task.grid.segments:
+        lookup = torch.tensor(segment.lookup, dtype=torch.float64)
+        coefficients = task.loop.plant.coefficients(task.scenario.parameters_at(lookup))
+        for first in range(segment.first, segment.last, BLOCK):
+            yield first, min(first + BLOCK, segment.last), coefficients
+
+
+def _is_long(task: Task, y: Tensor) -> bool:
+    """Whether the tape of all steps would be too large, and may be cut into blocks."""
+    # torch.func and forward mode would not see through the cut; nor do compiled steps.
+    if not torch.is_grad_enabled() or transformed() or task.solver.compile:
+        return False
+    return task.grid.n_steps * (NODES + EACH * y.numel()) > task.tape_memory
 
 
 def _squared_error(task: Task, q: Tensor, stopped: Tensor) -> Tensor:
@@ -90,11 +103,11 @@ def _squared_error(task: Task, q: Tensor, stopped: Tensor) -> Tensor:
     return (share.unsqueeze(-1) * error.square()).cumsum(dim=0)
 
 
-def _effort(task: Task, torques: list[Tensor], stopped: Tensor) -> Effort | None:
+def _effort(task: Task, torque: Tensor | None, stopped: Tensor) -> Effort | None:
     """Running effort of steps within each sample's horizon, up to its failure."""
-    if task.effort_after is None or not torques:
+    if task.effort_after is None or torque is None:
         return None
-    torque, times = torch.stack(torques), task.grid.times[: len(torques) + 1]
+    times = task.grid.times[: len(torque) + 1]
     column = (-1, *(1,) * len(task.batch))
     index = torch.arange(len(torque)).reshape(column)
     counted = counted_in(times[1:], task.horizon) & ((stopped < 0) | (index < stopped))
