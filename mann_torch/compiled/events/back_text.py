@@ -32,7 +32,7 @@ struct Back : Rules {
                                              const M* k, const V* adj) {
     const V moment[1] = {t};
     BackNear::run(moment, s.clock, s.constant, s.segment, s.noise, s.whole, f, k, adj, g.part,
-                  g.part_constants, g.part_segments, s.heap);
+                  g.part_constants, g.part_segments, g.moment, s.heap);
   }
   static inline CUDA_CALLABLE void reset_back(const Sums& g, const Scene& s, V t, const V* f,
                                               const M* k, const V* adj) {
@@ -67,6 +67,7 @@ struct Back : Rules {
     V* const own = heap; heap += N_SLOTS;
     V* const other = heap; heap += N_SLOTS;
     V* const mixed = heap; heap += N_SLOTS;
+    V* const g_time = heap; heap += N_WANTED + N_WANTED_SEGMENT;
     V moment[2];
     Sums g = {adj_out, g_constant, g_segment, heap, 0, 0, moment, 0};
     heap += N_F;
@@ -162,11 +163,20 @@ struct Back : Rules {
       add(g, located);
       g_tau += moment[1];
       held(scene, t, root, own, f_0, k_0, f_2);
-      event_back(g_near, s, number, -g_tau / slope);
+      // Its slope, exactly, is the gradient of the event function to the time.
+      event_back(g_near, s, number, one);
       near_back(g, scene, t + root, f_2, k_0, g_near);
-      add_shared(g, located);
+      const V steep = moment[0];
       for (int e = 0; e < N_F; ++e) g_2[e] = g.part[e];
+      for (int e = 0; e < N_WANTED; ++e) g_time[e] = g.part_constants[e];
+      for (int e = 0; e < N_WANTED_SEGMENT; ++e) g_time[N_WANTED + e] = g.part_segments[e];
       held_back(g, scene, t, root, own, f_0, k_0, g_2);
+      const V factor = -g_tau / (steep + moment[1]);
+      for (int e = 0; e < N_F; ++e) g.part[e] = factor * g.part[e];
+      for (int e = 0; e < N_WANTED; ++e)
+        g.part_constants[e] = factor * (g.part_constants[e] + g_time[e]);
+      for (int e = 0; e < N_WANTED_SEGMENT; ++e)
+        g.part_segments[e] = factor * (g.part_segments[e] + g_time[N_WANTED + e]);
       add(g, located);
     }
     if (any(due)) {
@@ -182,4 +192,4 @@ struct Back : Rules {
 
 def room_backward(n_f: int, n_k: int, n_slots: int, wanted: int, wanted_segment: int) -> int:
     """Vectors of working memory."""
-    return 6 * n_f + 3 * n_k + 2 * (n_slots + 1) + 4 * n_slots + wanted + wanted_segment
+    return 6 * n_f + 3 * n_k + 2 * (n_slots + 1) + 4 * n_slots + 2 * (wanted + wanted_segment)

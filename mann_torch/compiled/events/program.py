@@ -116,7 +116,7 @@ class EventProgram(Program):
         functions = [
             *self._functions(),
             Function("BackHeld", held, (moment, ("weights", "f")), ("g_moment", "g_weights"), True),
-            Function("BackNear", near, (moment,), (), True),
+            Function("BackNear", near, (moment,), ("g_moment",), True),
             Function("BackReset", reset, (moment,), ("g_moment",), True),
             Function("BackTotals", totals, (("after", "f"),), ("g_after",), True),
         ]
@@ -126,7 +126,7 @@ class EventProgram(Program):
         after = range(len(self.layout.floating))
         own = (
             ((0, "g_moment"), (1, "g_moment"), (2, "g_weights")),
-            (),
+            ((0, "g_moment"),),
             ((0, "g_moment"),),
             tuple((i, "g_after") for i in after),
         )

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
+from ...compiled import transformed
 from ...compiled.events.rules import FLAT, GRAZE, ITERATIONS, ROUNDING, STENCIL, WIDTH
 
 Probe = Callable[[Tensor], Tensor]  # fractions of the step (...,) [s] -> event functions (..., E)
@@ -63,6 +64,16 @@ def slope_at(
     slope = (8.0 * (value(1) - value(-1)) - (value(2) - value(-2))) / (12.0 * delta)
     rise = _largest(after, crossed) - _largest(before, crossed)
     return slope, slope * h > GRAZE * rise + FLAT
+
+
+def derivative(function: Callable[[Tensor], Tensor], at: Tensor) -> Tensor:
+    """d function/d at (...,), each sample's own, as a constant."""
+    if transformed():
+        value, pull = torch.func.vjp(function, at.detach())
+        return pull(torch.ones_like(value))[0].detach()
+    with torch.enable_grad():
+        free = at.detach().requires_grad_(True)
+        return torch.autograd.grad(function(free).sum(), free)[0]
 
 
 def _largest(events: Tensor, crossed: Tensor) -> Tensor:

@@ -10,7 +10,7 @@ from torch import Tensor
 from ...compiled.events.rules import TIE
 from ...functional import one_hot, pick
 from ...types import MemoryMode, Proximity
-from .roots import first_root, slope_at
+from .roots import derivative, first_root, slope_at
 
 
 class EventCounts(NamedTuple):
@@ -54,7 +54,7 @@ def hybrid_step(
 
     - isolated: the root tau* of g is found without gradient; one Newton correction
       tau = tau* - g(flow(y, e_s, tau*)) / (dg/dtau), the slope held constant, leaves its value and
-      gives it its gradient. The step is flow(event(flow(y, e_s, tau)), e_j, h - tau).
+      gives it its gradient (there by an exact slope, else by differences). The step is flow(event(flow(y, e_s, tau)), e_j, h - tau).
     - chattering: branch j alone, D = flow(y, e_j, h), drives g back. No event time exists; the
       step is flow(y, alpha e_s + (1 - alpha) e_j, h) with alpha = -g(D) / (g(A) - g(D)), which
       ends on g = 0 up to h^2: the averaged (Filippov) motion, with its gradient.
@@ -105,8 +105,16 @@ def hybrid_step(
         root = torch.where(isolated, root, 0.5 * h)
         which = torch.where(isolated, which, s)
         there = system.flow(t, root, y, held, mode)
-        value = _event(system, t + root, there, mode, which)
-        tau = root - torch.where(isolated, value, 0.0) / torch.where(isolated, slope, 1.0)
+        value = torch.where(isolated, _event(system, t + root, there, mode, which), 0.0)
+        tau = root - value.detach() / torch.where(isolated, slope, 1.0)
+        if torch.is_grad_enabled():
+
+            def along(time: Tensor) -> Tensor:
+                state = system.flow(t, time, y.detach(), held, mode)
+                return _event(system, t + time, state, mode, which)
+
+            exact = torch.where(isolated, derivative(along, root), 1.0)
+            tau = tau - (value - value.detach()) / exact
         at = system.flow(t, tau, y, held, mode)
         at, mode = _happen(system, t + tau, at, mode, which, isolated)
         rest = system.flow(t + tau, h - tau, at, _branch(mode.attended, size), mode)
