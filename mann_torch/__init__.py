@@ -48,6 +48,7 @@ if TYPE_CHECKING:
         Solver,
         Status,
         Trajectory,
+        explain,
         observe,
         rollout,
     )
@@ -97,6 +98,7 @@ __all__ = [
     "WorkingMemory",
     "arm_parameters",
     "equal_parameter_hidden",
+    "explain",
     "memory_figure",
     "observe",
     "peak_torque",

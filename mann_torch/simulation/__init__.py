@@ -2,6 +2,7 @@
 
 from .closed_loop import ClosedLoop
 from .events.steps import EventCounts
+from .explaining import Explanation, explain
 from .gradients import GRADIENTS, check_gradient
 from .observation import attended_slot, observe
 from .rollout import ENGINES, check_engine, rollout
@@ -23,6 +24,7 @@ __all__ = [
     "ClosedLoop",
     "Effort",
     "EventCounts",
+    "Explanation",
     "Flow",
     "Implicit",
     "Motion",
@@ -35,6 +37,7 @@ __all__ = [
     "attended_slot",
     "check_engine",
     "check_gradient",
+    "explain",
     "observe",
     "rollout",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import logging
 import math
@@ -11,7 +12,7 @@ import torch
 
 from ..compiled import UntraceableError
 from ..errors import ConfigError, KernelError, ShapeError
-from ..functional import Numbers, as_float64
+from ..functional import Numbers
 from ..memory import relaxed
 from ..trees import leaf_names
 from ..types import NetworkState
@@ -22,7 +23,7 @@ from .scenario import Scenario
 from .solvers.implicit import Implicit
 from .solvers.solver import Solver
 from .step_grid import StepGrid
-from .task import Record, Task
+from .task import Record, Task, task_of
 from .trajectory import Trajectory
 
 ENGINES = ("auto", "compiled", "torch")
@@ -108,38 +109,22 @@ def rollout(
         loop = relaxed(loop, temperature)
     hybrid = locates_events(gradient, loop)
     obstacle = check_engine(loop, scenario, solver, engine, device)
-    grid = StepGrid(scenario.end, scenario.knots(), solver.dt)
     if network is None:
         shape = _common_shape(loop, scenario, batch_shape)
         network = loop.controller.initial_network(shape, generator)
-    state, mode = loop.initial_state(scenario, network)
-    batch = state.plant.q.shape[:-1]
-    noise, instants = scenario.noise, torch.zeros(grid.n_steps, dtype=torch.int64)
-    if noise is not None:
-        instants = noise.instants(grid.times[:-1])
-    task = Task(
-        loop=loop,
-        scenario=scenario,
-        solver=solver,
-        grid=grid,
-        reference=scenario.reference.expand(batch),
-        state=state,
-        mode=mode,
-        horizon=as_float64(scenario.horizon).expand(batch),
+    grid = StepGrid(scenario.end, scenario.knots(), solver.dt)
+    task = dataclasses.replace(
+        task_of(loop, scenario, solver, network, grid),
         motion_rows=grid.motion_rows(motion_dt),
         state_rows=grid.samples(sample_dt, sample_until),
         limit=divergence_limit,
         progress=progress,
         device=device,
         tape_memory=tape_memory,
-        noise=None
-        if noise is None
-        else noise.expand(batch).table(state.plant.q.shape[-1], int(instants[-1]) + 1),
-        noise_instants=instants,
         effort_after=effort_after,
         hybrid=hybrid,
     )
-    if batch.numel() == 0:
+    if task.batch.numel() == 0:
         obstacle = "an empty batch"
     if obstacle is None:
         try:

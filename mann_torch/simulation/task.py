@@ -9,8 +9,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from ..functional import as_float64
 from ..signals import NoiseTable, Reference, noise_at
-from ..types import LoopState, Measurement, Mode
+from ..types import LoopState, Measurement, Mode, NetworkState
 from .closed_loop import ClosedLoop
 from .events.steps import EventCounts
 from .scenario import Scenario
@@ -32,13 +33,13 @@ class Task:
     horizon: Tensor  # (...,) [s]
     motion_rows: list[int]  # step times at which joint motion is kept
     state_rows: list[int]  # step times at which whole states are kept
-    limit: float
-    progress: Callable[[int], object] | None
-    device: str
-    tape_memory: float  # [bytes]
     noise: NoiseTable | None  # on what is measured
     noise_instants: Tensor  # (T,) int64, sampling instant of each step
-    effort_after: float | None  # peak torques count from here on [s]; None: no effort
+    limit: float = 1e8
+    progress: Callable[[int], object] | None = None
+    device: str = "cpu"
+    tape_memory: float = 256e6  # [bytes]
+    effort_after: float | None = None  # peak torques count from here on [s]; None: no effort
     hybrid: bool = False  # steps locate events, see `events/steps.hybrid_step`
 
     def noise_in(self, k: int) -> Measurement | None:
@@ -51,6 +52,36 @@ class Task:
     def batch(self) -> torch.Size:
         """Batch shape `...`."""
         return self.state.plant.q.shape[:-1]
+
+
+def task_of(
+    loop: ClosedLoop, scenario: Scenario, solver: Solver, network: NetworkState, grid: StepGrid
+) -> Task:
+    """The rollout from these initial weights, of which both ends are kept.
+
+    Raises `ShapeError`, `DomainError`.
+    """
+    state, mode = loop.initial_state(scenario, network)
+    batch = state.plant.q.shape[:-1]
+    noise, instants = scenario.noise, torch.zeros(grid.n_steps, dtype=torch.int64)
+    table = None
+    if noise is not None:
+        instants = noise.instants(grid.times[:-1])
+        table = noise.expand(batch).table(state.plant.q.shape[-1], int(instants[-1]) + 1)
+    return Task(
+        loop=loop,
+        scenario=scenario,
+        solver=solver,
+        grid=grid,
+        reference=scenario.reference.expand(batch),
+        state=state,
+        mode=mode,
+        horizon=as_float64(scenario.horizon).expand(batch),
+        motion_rows=[0, grid.n_steps],
+        state_rows=[0],
+        noise=table,
+        noise_instants=instants,
+    )
 
 
 class Effort(NamedTuple):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 import torch
 
@@ -10,10 +12,10 @@ from tests.conftest import make_loop, make_scenario
 from tests.simulation.loops import Case, case, freed
 from tests.simulation.test_compiled_gradients import gradients
 from tests.simulation.test_compiled_parity import assert_same, configured
-from tests.simulation.test_hybrid import SWITCHING, check_against_differences, sequence
+from tests.simulation.test_hybrid import SWITCHING, check_against_differences, loss_of, sequence
 
-#: The others are a minute of compiling each: `make check`.
-QUICK = ("reallocating_always_state_keys",)
+#: The others: `make check`.
+QUICK = ("reallocating_always_state_keys", "hard")
 names = pytest.mark.parametrize(
     "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in SWITCHING]
 )
@@ -40,7 +42,7 @@ def test_one_step_from_anywhere(name: str) -> None:
 @names
 def test_half_a_second_with_events(name: str) -> None:
     runs = both(case(name, 0.5, batch=8), sample_dt=0.02)
-    assert_same(runs, 1e-8)
+    assert_same(runs, 1e-12)
     assert runs[0].events is not None and int(runs[0].events.located.sum()) > 4
 
 
@@ -56,12 +58,83 @@ def test_gradients_equal_those_of_torch(name: str) -> None:
     assert found.keys() == expected.keys() == free.keys()
     for key, gradient in expected.items():
         assert gradient.norm() > 0, key
-        assert float((found[key] - gradient).norm() / gradient.norm()) <= 1e-8, key
+        assert float((found[key] - gradient).norm() / gradient.norm()) <= 1e-10, key
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SWITCHING)
+def test_twenty_seconds_and_their_gradients(name: str) -> None:
+    found = []
+    for engine in ("torch", "compiled"):
+        made, free = freed(case(name, 20.0, batch=2))
+        constants = made.loop.controller.constants()
+        if "shift_threshold" in constants:
+            free["theta"] = constants["shift_threshold"].requires_grad_(True)
+        run = made.run(engine=engine, gradient="hybrid", sample_dt=0.1)
+        wanted = list(free.values())
+        slopes = [torch.autograd.grad(x, wanted, retain_graph=True) for x in loss_of(run)]
+        found.append((run, slopes))
+    (expected, theirs), (mine, own) = found
+    assert all(torch.equal(a, b) for a, b in zip(sequence(expected), sequence(mine), strict=True))
+    assert mine.events is not None and int(mine.events.located.sum()) > 0
+    print("located, sliding, unresolved:", *(count.tolist() for count in mine.events))
+    assert float((mine.q - expected.q).abs().max()) <= 1e-9
+    for sample in range(2):
+        worst = max(
+            float((a - b).norm() / b.norm())
+            for a, b in zip(own[sample], theirs[sample], strict=True)
+            if b.norm() > 0
+        )
+        print(f"sample {sample}: gradients {worst:.1e} apart")
+        assert worst <= 1e-9
+
+
+@pytest.mark.parametrize("options", [{"effort_after": 0.1}, {"noise": True}])
+def test_effort_and_noise_through_events(options: dict) -> None:
+    options, found = dict(options), []
+    noisy = options.pop("noise", False)
+    for engine in ("torch", "compiled"):
+        made, free = freed(case(QUICK[0], 0.3, batch=3))
+        if noisy:
+            noise = mt.MeasurementNoise(1e-3, 1e-2, seed=[1, 2, 3])
+            made = made._replace(scenario=dataclasses.replace(made.scenario, noise=noise))
+        run = made.run(engine=engine, gradient="hybrid", **options)
+        loss = loss_of(run).sum()
+        if run.effort is not None:
+            loss = loss + 1e-4 * (mt.torque_rate(run).sum() + mt.peak_torque(run).sum())
+        wanted = [free[key] for key in ("masses", "base_gain", "amplitude", "W")]
+        found.append((run, torch.autograd.grad(loss, wanted)))
+    (expected, theirs), (mine, own) = found
+    assert all(torch.equal(a, b) for a, b in zip(sequence(expected), sequence(mine), strict=True))
+    assert mine.events is not None and int(mine.events.located.sum()) > 2
+    for a, b in zip(own, theirs, strict=True):
+        assert float((a - b).norm()) <= 1e-10 * float(b.norm())
+
+
+def test_a_samples_bits_depend_neither_on_its_mates_nor_on_threads() -> None:
+    made, free = freed(case(QUICK[0], 0.3, batch=9))
+    found = []
+    for threads in (1, 2):
+        torch.set_num_threads(threads)
+        run = made.run(engine="compiled", gradient="hybrid")
+        found.append((run.q, torch.autograd.grad(loss_of(run).sum(), free["W"])[0]))
+    assert all(torch.equal(a, b) for a, b in zip(*found, strict=True))
+    start = made.scenario.start
+    assert start is not None
+    for i in (0, 8):
+        alone = dataclasses.replace(
+            made.scenario, start=type(start)(*(leaf[i : i + 1] for leaf in start))
+        )
+        network = type(made.network)(*(leaf[i : i + 1] for leaf in made.network))
+        run = Case(made.loop, alone, network).run(engine="compiled", gradient="hybrid")
+        (own,) = torch.autograd.grad(loss_of(run).sum(), network.W)
+        assert torch.equal(run.q[:, 0], found[0][0][:, i])
+        assert torch.equal(own[0], found[0][1][i])
 
 
 @pytest.mark.parametrize(
     ("name", "constant"),
-    [pytest.param("hard", "write_gain", marks=pytest.mark.slow)]
+    [("hard", "write_gain")]
     + [(QUICK[0], constant) for constant in ("write_gain", "shift_threshold")],
 )
 def test_equal_to_central_differences(name: str, constant: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -74,7 +75,8 @@ class Scope:
     def __init__(self, given: Layout, examples: Sequence[Tensor], pieces: Sequence[Piece]) -> None:
         self.given, self.examples = given, examples
         made = [trace(self._flat(p), [*_examples(p), *examples]) for p in pieces]
-        self.operations = sum(len(m.graph.nodes) for m in made)
+        #: How often each torch operation was met, by name.
+        self.operations = Counter(name for m in made for name in _operations(m))
         self.used = self._constants_in(pieces, made)
         kept = tuple(given.constants[i] for i in self.used)
         self.layout = dataclasses.replace(given, constants=kept)
@@ -191,6 +193,13 @@ def carried(layout: Layout, chosen: Sequence[int] | None = None) -> tuple[Result
         Result(f"{layout.carry_places[i][0]}_out", layout.carry_places[i][1], layout.carry[i])
         for i in numbers
     )
+
+
+def _operations(made: GraphModule) -> list[str]:
+    """`mul` of aten.mul.Tensor, for each operation of a trace."""
+    targets = [str(node.target) for node in made.graph.nodes if node.op == "call_function"]
+    names = [target.removeprefix("aten.").split(".")[0] for target in targets]
+    return [name for name in names if "getitem" not in name]
 
 
 def _examples(piece: Piece) -> list[Tensor]:

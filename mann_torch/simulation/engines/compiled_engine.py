@@ -64,8 +64,8 @@ def check_device(device: str) -> None:
         raise ConfigError(f"device = '{device}': this machine has {', '.join(found)}")
 
 
-def run(task: Task) -> Record:
-    """March the task. Raises `UntraceableError`, with what stands in the way, or `KernelError`."""
+def traced(task: Task) -> tuple[LoopStep, Rows, Program]:
+    """The task's step, what it takes, and its program. Raises `UntraceableError`."""
     reference = single_reference(task)
     loop_side, reference_side = loop_parts(task), reference_parts(task, reference)
     coefficients, template = coefficient_leaves(task)
@@ -73,7 +73,12 @@ def run(task: Task) -> Record:
     kind = LoopEvents if task.hybrid else LoopStep
     step = kind(task, reference, template, *names)
     rows = task_rows(task, step, [*loop_side, *reference_side], coefficients)
-    program = _program(task, reference, step, rows)
+    return step, rows, _program(task, reference, step, rows)
+
+
+def run(task: Task) -> Record:
+    """March the task. Raises `UntraceableError`, with what stands in the way, or `KernelError`."""
+    step, rows, program = traced(task)
     constants = [rows.constants[i] for i in program.used]
     floating = [c.is_floating_point() for c in constants]
     # A gradient mode that is off, or a tensor that asks for none, costs nothing.

@@ -69,8 +69,9 @@ def slope_at(
 def derivative(function: Callable[[Tensor], Tensor], at: Tensor) -> Tensor:
     """d function/d at (...,), each sample's own, as a constant."""
     if transformed():
-        value, pull = torch.func.vjp(function, at.detach())
-        return pull(torch.ones_like(value))[0].detach()
+        pulled = torch.func.vjp(function, at.detach())
+        slope: Tensor = pulled[1](torch.ones_like(pulled[0]))[0]
+        return slope.detach()
     with torch.enable_grad():
         free = at.detach().requires_grad_(True)
         return torch.autograd.grad(function(free).sum(), free)[0]

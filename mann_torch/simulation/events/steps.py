@@ -54,7 +54,8 @@ def hybrid_step(
 
     - isolated: the root tau* of g is found without gradient; one Newton correction
       tau = tau* - g(flow(y, e_s, tau*)) / (dg/dtau), the slope held constant, leaves its value and
-      gives it its gradient (there by an exact slope, else by differences). The step is flow(event(flow(y, e_s, tau)), e_j, h - tau).
+      gives it its gradient (there by an exact slope, else by differences). The step is
+      flow(event(flow(y, e_s, tau)), e_j, h - tau).
     - chattering: branch j alone, D = flow(y, e_j, h), drives g back. No event time exists; the
       step is flow(y, alpha e_s + (1 - alpha) e_j, h) with alpha = -g(D) / (g(A) - g(D)), which
       ends on g = 0 up to h^2: the averaged (Filippov) motion, with its gradient.
