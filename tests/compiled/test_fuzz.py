@@ -9,7 +9,7 @@ from .marching import Together, check_together
 from .random_graphs import inputs, random_graph
 
 #: Graphs to a kernel, and kernels: 500 graphs in all.
-GRAPHS, KERNELS, QUICK = 50, 10, 3
+GRAPHS, KERNELS, QUICK = 50, 10, 1
 
 
 @pytest.mark.parametrize(
@@ -23,7 +23,7 @@ def test_random_graphs_and_their_gradients(number: int) -> None:
     print(f"{len(graphs)} graphs: largest difference {worst:.1e}")
 
 
-@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("threads", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_bits_depend_neither_on_the_batch_nor_on_threads(threads: int) -> None:
     torch.set_num_threads(threads)
     given = inputs(11, seed=77)

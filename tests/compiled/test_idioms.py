@@ -180,6 +180,7 @@ def long(count: int, step: Callable[[Tensor, Sample], Tensor], name: str = "x") 
     return function
 
 
+@pytest.mark.slow
 def test_long_chains_stay_within_pythons_stack() -> None:
     def packed(s: Sample) -> Tensor:
         x = torch.cat([s["x"], s["a"]])
@@ -222,6 +223,7 @@ PAIRS = {
 }
 
 
+@pytest.mark.slow
 def test_text_grows_with_the_number_of_operations() -> None:
     given = inputs()
     check_together(PAIRS, given)

@@ -21,7 +21,10 @@ def columns(text: str) -> set[int]:
     return {line.count("|") for line in text.splitlines() if line.startswith("|")}
 
 
-@pytest.mark.parametrize(("engine", "loop"), [("eager", "soft"), ("compiled", PAPER)])
+@pytest.mark.parametrize(
+    ("engine", "loop"),
+    [("eager", "soft"), pytest.param("compiled", PAPER, marks=pytest.mark.slow)],
+)
 def test_a_line_reaches_the_same_figure_on_every_engine(engine: str, loop: str) -> None:
     result = measure(Line(engine, 2, 0.2, 0.1, 1, loop))
     other = measure(Line("compiled", 1, 0.2, 0.0, 1, loop))
@@ -74,6 +77,7 @@ def test_engines_take_turns() -> None:
     assert 10 < peak_mb() < 1e5
 
 
+@pytest.mark.slow
 def test_what_events_cost_is_compared() -> None:
     case = benchmark_events.Case("1", 2, PAPER, horizon=0.2, rounds=1)
     result = benchmark_events.compare(case)
@@ -82,7 +86,9 @@ def test_what_events_cost_is_compared() -> None:
     assert {len(line) for line in lines} == {len(lines[0])} and len(lines) == 4
 
 
-@pytest.mark.parametrize("part", ["arm of 3 links", "KNearestAttention"])
+@pytest.mark.parametrize(
+    "part", ["arm of 3 links", pytest.param("KNearestAttention", marks=pytest.mark.slow)]
+)
 def test_parts_of_ones_own_run_compiled(part: str) -> None:
     result = benchmark_parts.compare(benchmark_parts.Case(part, 2, 0.02, 0.2, rounds=1))
     assert result["apart"] < 1e-12 and result["gradient_apart"] < 1e-9

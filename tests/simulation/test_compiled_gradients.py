@@ -34,7 +34,7 @@ def gradients(made: Case, free: dict[str, Tensor], **options: object) -> dict[st
 
 
 #: The others are minutes of compiling: `make check`.
-QUICK = ("soft", "reallocating_always_state_keys", "relaxed_always_state_keys")
+QUICK = ("soft", "reallocating_always_state_keys")
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,8 @@ def test_constants_per_sample_have_gradients_of_their_own() -> None:
         torch.testing.assert_close(together[i], own, rtol=1e-12, atol=0)
 
 
-@pytest.mark.parametrize("controller", [pytest.param("nn", marks=pytest.mark.slow), "soft"])
+@pytest.mark.slow
+@pytest.mark.parametrize("controller", ["nn", "soft"])
 def test_equal_to_central_differences_over_330_s(controller: str) -> None:
     """Elasticities of the SRMSE in scenario 1, by Richardson's rule from one batch."""
     made = configured(f"controller={controller}", "constants.e_modification=0.01")

@@ -172,10 +172,13 @@ def loop(name: str) -> tuple[mt.ClosedLoop, mt.Scenario, mt.Solver | None]:
     )
 
 
-NAMES = ("dragged arm", "learned torque", "waypoints", "k nearest", "heun", "3 links")
+NAMES = ("learned torque", "waypoints", "heun", "3 links")
+SLOW = ("dragged arm", "k nearest", "5 links")
 
 
-@pytest.mark.parametrize("name", [*NAMES, pytest.param("5 links", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", [*NAMES, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)]
+)
 def test_own_parts_run_compiled_and_agree_with_torch(name: str) -> None:
     found = []
     for engine in ("torch", "auto"):
@@ -200,7 +203,14 @@ def test_own_parts_run_compiled_and_agree_with_torch(name: str) -> None:
     assert reached >= 6
 
 
-@pytest.mark.parametrize("name", ["euclidean on a circle", "3 links, always", "dragged arm"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "euclidean on a circle",
+        "3 links, always",
+        pytest.param("dragged arm", marks=pytest.mark.slow),
+    ],
+)
 def test_events_of_own_parts_are_located_compiled(name: str) -> None:
     """An attention and a key rule of docs/extending.md; a plant of three joints; one with more."""
     found = []

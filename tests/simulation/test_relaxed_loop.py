@@ -90,6 +90,7 @@ def test_theta_has_a_gradient_where_distances_come_near_it() -> None:
     assert float(slope) == 0.0
 
 
+@pytest.mark.slow
 def test_constants_per_sample_are_each_samples_own() -> None:
     made = case("reallocating_always", 0.2, batch=1)
     T, theta = torch.tensor([[0.02, 0.05], [0.12, 0.2]], dtype=torch.float64).unsqueeze(-1)

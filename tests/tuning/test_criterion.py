@@ -24,7 +24,6 @@ from mann_torch.tuning import (
 )
 from mann_torch.tuning.criterion import Measured
 from tests.tuning.test_judges import (
-    ENGINES,
     B,
     both_joints,
     coordinates_of,
@@ -36,6 +35,7 @@ from tests.tuning.test_judges import (
 )
 
 PEAK = Judged(peak_error, MOTION)
+ENGINES_QUICK = (pytest.param("torch", marks=pytest.mark.slow), "compiled")
 
 
 def speed(run: mt.Motion) -> Tensor:
@@ -63,7 +63,7 @@ def on_whole_rollouts(made: Ensemble, run: Tuner | None = None) -> mt.Trajectory
         return whole(made)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", ENGINES_QUICK)
 def test_a_tuner_lowers_the_peak_error_of_whole_rollouts(engine: str) -> None:
     run = finished(tuned(Criterion(PEAK), engine, "plain"))
     before, after = (on_whole_rollouts(run.ensemble, end) for end in (None, run))
@@ -83,7 +83,7 @@ def test_every_mode_minimises_a_judge_of_ones_own(mode: str) -> None:
     assert run.history[-1]["objective"] < run.history[0]["objective"]
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", ENGINES_QUICK)
 def test_limits_of_ones_own_are_kept(engine: str) -> None:
     """A larger Lambda lowers the peak error and moves faster."""
     bound = 0.69
