@@ -27,7 +27,7 @@ class GradientSettings:
     | mode | exact for | cost in forward rollouts a member |
     |---|---|---|
     | plain | the present sequence of switches and resets, their times held still | about 4 |
-    | hybrid | isolated switches and resets, whose times it moves; sliding stretches averaged | about 7 |
+    | hybrid | isolated switches and resets, whose times it moves; sliding averaged | about 7 |
     | soft | the relaxed controller of `temperature`, not the hard one | about 4 |
     | smoothed | the mean over members and a relative `spread` | 2 `pairs`, times P if ``each`` |
     | fd | the mean slope over +- `step` | 2 P |
