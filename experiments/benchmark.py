@@ -18,21 +18,21 @@ import torch
 
 from mann_torch.compiled.host.kernels import lanes_here
 
-from . import benchmark_events, benchmark_lines, benchmark_parts, benchmark_start
-from .benchmark_curves import precision, scaling
-from .benchmark_measure import ROOT, Section
-from .figures import save
-from .writing import write_json, write_text
+from .benchmarking import events, lines, parts, start
+from .benchmarking.curves import precision, scaling
+from .benchmarking.measure import ROOT, Section
+from .runs.figures import save
+from .runs.writing import write_json, write_text
 
 #: Sections of the page in their order: name, title, what measures it. One that is not measured, by
 #: choice or because what it measured is no more (None), stays as it stands on the page.
 SECTIONS: dict[str, tuple[str, Callable[[], Section] | None]] = {
-    "peers": ("Every engine", benchmark_lines.section),
+    "peers": ("Every engine", lines.section),
     # The hand-written kernel is gone.
     "versus": ("Compiled against hand-written", None),
-    "events": ("Rollouts through events", benchmark_events.section),
-    "parts": ("Parts of one's own", benchmark_parts.section),
-    "start": ("The first rollout", benchmark_start.section),
+    "events": ("Rollouts through events", events.section),
+    "parts": ("Parts of one's own", parts.section),
+    "start": ("The first rollout", start.section),
     "scaling": ("Cost against horizon and batch", scaling),
     "precision": ("Accuracy against work", precision),
 }
@@ -47,12 +47,12 @@ def main() -> None:
     parser.add_argument("--only", default="", help="engines of `peers`; all if not given")
     options = parser.parse_args()
     chosen = _chosen(parser, options.sections, list(SECTIONS), "section") or list(SECTIONS)
-    engines = _chosen(parser, options.only, list(benchmark_lines.NAMES), "engine")
+    engines = _chosen(parser, options.only, list(lines.NAMES), "engine")
     found: dict[str, Section] = {}
     for name in chosen:
         measure = SECTIONS[name][1]
         if name == "peers":
-            measure = partial(benchmark_lines.section, engines)
+            measure = partial(lines.section, engines)
         if measure is not None:
             print(f"{name} ...", file=sys.stderr, flush=True)
             found[name] = measure()

@@ -15,16 +15,16 @@ from torch.utils.tensorboard import SummaryWriter
 from mann_torch.errors import ConfigError
 from mann_torch.tuning import Coordinates, Ensemble
 
-from .cli import command_line, reject_unknown, run_cli
-from .config import ConstantsConfig, SimulateConfig
-from .elasticities import Findings, difference_name, estimate_all
-from .ensembles import ensemble_of
-from .figures import save
-from .gradient_figures import landscapes, norms
-from .recording import flat_settings, log_summary
-from .simulate import progress_bar
-from .study_config import GradientReportConfig
-from .writing import csv_text, write_json, write_text
+from .building.ensembles import ensemble_of
+from .command.cli import command_line, reject_unknown, run_cli
+from .gradients.elasticities import Findings, difference_name, estimate_all
+from .gradients.figures import landscapes, norms
+from .runs.figures import save
+from .runs.progress import progress_bar
+from .runs.recording import flat_settings, log_summary
+from .runs.writing import csv_text, write_json, write_text
+from .settings.config import ConstantsConfig, SimulateConfig
+from .settings.study_config import GradientReportConfig
 
 
 def main() -> None:

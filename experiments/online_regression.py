@@ -21,23 +21,29 @@ from mann_torch.errors import ConfigError
 from mann_torch.memory import MemoryTrace
 from mann_torch.trees import map_tensors
 
-from .cli import command_line, reject_unknown, run_cli
-from .learning_figures import errors_over_time
-from .memory_config import OnlineRegressionConfig
-from .memory_report import Report, by_variant, compare, member_arrays, write_pictures, write_report
-from .online_learners import (
+from .command.cli import command_line, reject_unknown, run_cli
+from .learning.figures import errors_over_time
+from .learning.online_learners import (
     BASELINES,
     FINGERPRINT_TIME,
     PRINTS,
-    VARIANTS,
     Learner,
     OnlineLearner,
     draw_stream,
 )
-from .online_measures import MEASURES, after_each_switch, measured
-from .setting_checks import check_between, check_positive, check_variants
-from .workers import in_parallel
-from .writing import write_arrays, write_text
+from .learning.online_measures import MEASURES, after_each_switch, measured
+from .learning.report import (
+    Report,
+    by_variant,
+    compare,
+    member_arrays,
+    write_pictures,
+    write_report,
+)
+from .runs.workers import in_parallel
+from .runs.writing import write_arrays, write_text
+from .settings.checks import check_between, check_positive, check_variants
+from .settings.memory_config import LEARNERS, OnlineRegressionConfig
 
 PROBES = 64  # points of a forgetting test
 TEST, TUNING = 0, 1  # streams
@@ -70,7 +76,7 @@ def checked(cfg: Any) -> OnlineRegressionConfig:
     """A composed configuration as a plain dataclass, verified. Raises `ConfigError`."""
     reject_unknown(cfg, OnlineRegressionConfig)
     plain = cast(OnlineRegressionConfig, OmegaConf.to_object(cfg))
-    check_variants(plain.variants, VARIANTS)
+    check_variants(plain.variants, LEARNERS)
     many = ("n_functions", "visits", "tuning_visits")
     check_between(plain, dict.fromkeys(many, (2, 1000)))
     check_between(plain, dict.fromkeys(("n_hidden", "n_slots", "seeds"), (1, 10_000)))

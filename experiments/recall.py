@@ -19,10 +19,18 @@ from torch import nn
 from mann_torch import memory_figure
 from mann_torch.errors import ConfigError
 
-from .cli import command_line, reject_unknown, run_cli
-from .learning_figures import learning_curves
-from .memory_config import RecallConfig
-from .memory_report import (
+from .command.cli import command_line, reject_unknown, run_cli
+from .learning.figures import learning_curves
+from .learning.recall_models import (
+    LONG,
+    Memory,
+    build_model,
+    n_parameters,
+    sequences,
+    step_labels,
+    without_keys,
+)
+from .learning.report import (
     Measure,
     Report,
     by_variant,
@@ -31,19 +39,10 @@ from .memory_report import (
     write_pictures,
     write_report,
 )
-from .recall_models import (
-    LONG,
-    VARIANTS,
-    Memory,
-    build_model,
-    n_parameters,
-    sequences,
-    step_labels,
-    without_keys,
-)
-from .setting_checks import check_between, check_positive, check_variants
-from .workers import in_parallel
-from .writing import write_arrays, write_text
+from .runs.workers import in_parallel
+from .runs.writing import write_arrays, write_text
+from .settings.checks import check_between, check_positive, check_variants
+from .settings.memory_config import RECALLERS, RecallConfig
 
 MEASURES = (Measure("accuracy", "accuracy", 2, lower_is_better=False),)
 POINTS = 50  # of a learning curve
@@ -75,7 +74,7 @@ def checked(cfg: Any) -> RecallConfig:
     """A composed configuration as a plain dataclass, verified. Raises `ConfigError`."""
     reject_unknown(cfg, RecallConfig)
     plain = cast(RecallConfig, OmegaConf.to_object(cfg))
-    check_variants(plain.variants, VARIANTS)
+    check_variants(plain.variants, RECALLERS)
     sizes = ("n_keys", "n_pairs", "n_slots", "hidden_size", "context_size")
     check_between(plain, {**dict.fromkeys(sizes, (1, 1000)), "n_values": (2, 1000)})
     check_between(plain, {"iterations": (POINTS, 10**6), "longer": (1, 1000), "seeds": (1, 1000)})

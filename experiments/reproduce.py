@@ -16,18 +16,18 @@ from torch.utils.tensorboard import SummaryWriter
 
 from mann_torch.errors import ConfigError
 
-from . import figures as pictures
-from . import golden as gold
-from . import tables
-from .claims import Finding, findings
-from .cli import FAILED, command_line, reject_unknown, run_cli
-from .config import ReproduceConfig
-from .jobs import batches, run_jobs
-from .plan import Job, judges_claims, plan
-from .recording import log_summary
-from .results import Results
-from .tables import Cell, aligned
-from .writing import csv_text, write_arrays, write_json, write_text
+from .command.cli import FAILED, command_line, reject_unknown, run_cli
+from .reproduction import golden as gold
+from .reproduction import tables
+from .reproduction.claims import Finding, findings
+from .reproduction.jobs import batches, run_jobs
+from .reproduction.plan import Job, judges_claims, plan
+from .reproduction.results import Results
+from .reproduction.tables import Cell
+from .runs import figures as pictures
+from .runs.recording import log_summary
+from .runs.writing import aligned, csv_text, write_arrays, write_json, write_text
+from .settings.config import ReproduceConfig
 
 
 def main() -> None:

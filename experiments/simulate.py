@@ -12,16 +12,14 @@ import torch
 from hydra.core.hydra_config import HydraConfig
 from matplotlib.figure import Figure
 from omegaconf import OmegaConf
-from tqdm import tqdm
 
 from mann_torch import Trajectory, memory_figure, rollout
 from mann_torch.simulation import check_engine
 from mann_torch.simulation.step_grid import StepGrid
 
-from .build import Experiment, build
-from .cli import command_line, reject_unknown, run_cli
-from .config import SimulateConfig
-from .figures import (
+from .building.build import Experiment, build
+from .command.cli import command_line, reject_unknown, run_cli
+from .runs.figures import (
     Arrays,
     attention_timeline,
     features_and_read,
@@ -30,8 +28,10 @@ from .figures import (
     save,
     with_resets,
 )
-from .recording import log_run, metrics_of, signal_arrays
-from .writing import write_arrays, write_json, write_text
+from .runs.progress import progress_bar
+from .runs.recording import log_run, metrics_of, signal_arrays
+from .runs.writing import write_arrays, write_json, write_text
+from .settings.config import SimulateConfig
 
 
 def main() -> None:
@@ -68,12 +68,6 @@ def simulate(cfg: SimulateConfig) -> tuple[Experiment, Trajectory, float]:
             progress=bar.update,
         )
     return experiment, trajectory, time.perf_counter() - start
-
-
-def progress_bar(total: int, unit: str) -> tqdm:
-    """A bar on stderr for what takes over 2 s; a line now and then where that is no terminal."""
-    often = 0.2 if sys.stderr.isatty() else 10.0
-    return tqdm(total=total, unit=unit, delay=2.0, mininterval=often, leave=False)
 
 
 def run_figures(title: str, name: str, arrays: Arrays, member: int) -> dict[str, Figure]:

@@ -17,17 +17,18 @@ from mann_torch.errors import ConfigError
 from mann_torch.simulation.step_grid import StepGrid
 from mann_torch.tuning import Coordinates, Ensemble, GradientSettings, Objective, Schedule, Tuner
 
-from . import checkpoints, held_out
-from .cli import command_line, reject_unknown, run_cli
-from .ensembles import check_names, tuned_ensemble
-from .figures import save
-from .held_out import START, TUNED, Candidate
-from .recording import flat_settings, log_summary
-from .results import Interval
-from .simulate import progress_bar
-from .study_config import TuneConfig
-from .tuning_figures import pareto, progress_curves
-from .writing import csv_text, write_json, write_text
+from .building.ensembles import check_names, tuned_ensemble
+from .command.cli import command_line, reject_unknown, run_cli
+from .runs import checkpoints
+from .runs.figures import save
+from .runs.intervals import Interval
+from .runs.progress import progress_bar
+from .runs.recording import flat_settings, log_summary
+from .runs.writing import csv_text, write_json, write_text
+from .settings.study_config import TuneConfig
+from .tuning import held_out
+from .tuning.figures import pareto, progress_curves
+from .tuning.held_out import START, TUNED, Candidate
 
 
 def main() -> None:

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
-from experiments.cli import compose_job
-from experiments.golden import Check, checks, golden_file
-from experiments.jobs import JobResult, run_job
-from experiments.plan import Job
-from experiments.results import Results
+from experiments.command.cli import compose_job
+from experiments.reproduction.golden import Check, checks, golden_file
+from experiments.reproduction.jobs import JobResult, run_job
+from experiments.reproduction.plan import Job
+from experiments.reproduction.results import Results
 from tests.conftest import CONTROLLERS, GOLDEN
 
 

@@ -101,3 +101,71 @@ def test_one_file_touches_torchs_tracing_internals() -> None:
         if any(word in path.read_text() for word in words)
     }
     assert users == {"compiled/trace/tracing.py"}
+
+
+#: Rooms of the experiments, lowest first; those of a line know nothing of each other.
+ROOMS = (
+    ("settings",),
+    ("command",),
+    ("runs",),
+    ("building",),
+    ("reproduction", "gradients", "tuning", "learning"),
+    ("benchmarking",),
+)
+
+
+def imported_rooms(path: Path) -> set[str]:
+    """Rooms and top files of the experiments that a file imports, in functions too."""
+    depth = len(path.relative_to(ROOT / "experiments").parts)
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if not isinstance(node, ast.ImportFrom):
+            continue
+        module = node.module or ""
+        if node.level == depth and module:
+            found.add(module.split(".")[0])
+        elif node.level == depth:
+            found |= {alias.name for alias in node.names}
+        elif module.startswith("experiments"):
+            found.add("absolute")
+    return found
+
+
+def test_experiments_import_downwards() -> None:
+    levels = {room: level for level, line in enumerate(ROOMS) for room in line}
+    folders = {path.name for path in (ROOT / "experiments").iterdir() if path.is_dir()}
+    assert folders - {"__pycache__"} == set(levels)
+    for room, level in levels.items():
+        for path in (ROOT / "experiments" / room).glob("*.py"):
+            for name in imported_rooms(path) - {room}:
+                assert name in levels and levels[name] < level, (path, name)
+
+
+def test_no_circle_within_a_room() -> None:
+    for room in (room for line in ROOMS for room in line):
+        waiting = {}
+        for path in (ROOT / "experiments" / room).glob("*.py"):
+            nodes = ast.walk(ast.parse(path.read_text()))
+            waiting[path.stem] = {
+                (node.module or "").split(".")[0]
+                for node in nodes
+                if isinstance(node, ast.ImportFrom) and node.level == 1
+            }
+        while waiting:
+            free = [name for name, needs in waiting.items() if not needs & waiting.keys()]
+            assert free, (room, waiting)
+            for name in free:
+                del waiting[name]
+
+
+def test_every_room_and_file_of_the_experiments_is_named_in_the_architecture() -> None:
+    page = (ROOT / "ARCHITECTURE.md").read_text()
+    for path in (ROOT / "experiments").rglob("*.py"):
+        if path.stem != "__init__":
+            assert f"`{path.stem}`" in page, path
+
+
+def test_commands_import_no_other_command() -> None:
+    commands = {path.stem for path in (ROOT / "experiments").glob("*.py")} - {"__init__"}
+    for name in commands:
+        assert not imported_rooms(ROOT / "experiments" / f"{name}.py") & (commands - {name}), name

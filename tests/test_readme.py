@@ -5,8 +5,8 @@ import io
 import re
 from pathlib import Path
 
-from experiments import tables
-from experiments.config import ConstantsConfig
+from experiments.reproduction import tables
+from experiments.settings.config import ConstantsConfig
 
 README = (Path(__file__).parent.parent / "README.md").read_text()
 

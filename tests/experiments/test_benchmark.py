@@ -8,13 +8,16 @@ import pytest
 import torch
 
 import mann_torch as mt
-from experiments import benchmark_events, benchmark_lines, benchmark_parts, benchmark_start
 from experiments.benchmark import SECTIONS, page, sections_of
-from experiments.benchmark_curves import linearity
-from experiments.benchmark_lines import measured, table, verdicts
-from experiments.benchmark_measure import Section, Times, in_turns, peak_mb, ratio_of
-from experiments.benchmark_n_link import NLinkArm, NLinkParameters
-from experiments.benchmark_row import PAPER, Line, measure
+from experiments.benchmarking import events as benchmark_events
+from experiments.benchmarking import lines as benchmark_lines
+from experiments.benchmarking import parts as benchmark_parts
+from experiments.benchmarking import start as benchmark_start
+from experiments.benchmarking.curves import linearity
+from experiments.benchmarking.lines import measured, table, verdicts
+from experiments.benchmarking.measure import Section, Times, in_turns, peak_mb, ratio_of
+from experiments.benchmarking.n_link import NLinkArm, NLinkParameters
+from experiments.benchmarking.row import PAPER, Line, measure
 
 
 def columns(text: str) -> set[int]:
@@ -106,7 +109,7 @@ def test_the_first_rollout_is_timed(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(benchmark_start, "in_process", process)
     result = benchmark_start.measure(1, True, rounds=2)
-    assert [a[:2] for a in asked] == [("benchmark_start", [1, True])] * 4
+    assert [a[:2] for a in asked] == [("start", [1, True])] * 4
     assert asked[0][2] == asked[1][2] != asked[2][2]
     lines = benchmark_start.rows([result])
     assert lines[1][2:5] == ["2.00 s (2.00 s)", "6 s", "ok"] and lines[1][7] == "NOT MET"

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from experiments import gradient_report
-from experiments.elasticities import verdict
-from experiments.results import Interval
+from experiments.gradients.elasticities import verdict
+from experiments.runs.intervals import Interval
 from tests.experiments.command import exit_code
 
 SHORT = ["horizon=0.2", "draws=3", "horizons=[0.1]", "temperatures=[0.1]", "steps=[0.1]"]

@@ -11,18 +11,21 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from torch import nn
 
 from experiments import online_regression, recall
-from experiments.memory_config import OnlineRegressionConfig, RecallConfig
-from experiments.memory_report import Measure, compare, verdict
-from experiments.online_learners import VARIANTS as LEARNERS
-from experiments.online_learners import draw_stream
-from experiments.online_measures import measured
-from experiments.recall_models import (
-    VARIANTS,
+from experiments.learning.online_learners import draw_stream
+from experiments.learning.online_measures import measured
+from experiments.learning.recall_models import (
     Recurrent,
     build_model,
     n_parameters,
     sequences,
     without_keys,
+)
+from experiments.learning.report import Measure, compare, verdict
+from experiments.settings.memory_config import (
+    LEARNERS,
+    RECALLERS,
+    OnlineRegressionConfig,
+    RecallConfig,
 )
 from tests.experiments.command import exit_code
 
@@ -33,7 +36,7 @@ SHORT_RECALL = ["iterations=50", "longer=1", "seeds=2", "workers=1", "batch=2", 
 
 @pytest.mark.parametrize(
     ("module", "short", "variants"),
-    [(online_regression, SHORT_REGRESSION, LEARNERS), (recall, SHORT_RECALL, VARIANTS)],
+    [(online_regression, SHORT_REGRESSION, LEARNERS), (recall, SHORT_RECALL, RECALLERS)],
 )
 def test_a_short_run_writes_everything(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: object, short: list[str], variants: str
@@ -113,7 +116,7 @@ def test_recall_has_one_right_answer_and_equal_parameters() -> None:
         assert [shown[key] for key in asked] == answer[:, b].tolist()
         assert bool((x[P:, b, K:-1] == 0).all())
     assert 1 / P < without_keys(answer) < 0.5
-    sizes = {v: n_parameters(build_model(cfg, v)) for v in VARIANTS}
+    sizes = {v: n_parameters(build_model(cfg, v)) for v in RECALLERS}
     cells = {sizes[v] for v in ("soft", "hard", "reallocating", "relaxed")}
     assert len(cells) == 1
     assert all(abs(size / max(cells) - 1) < 0.08 for size in sizes.values()), sizes

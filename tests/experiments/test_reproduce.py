@@ -9,16 +9,18 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
-from experiments import reproduce, tables
-from experiments.claims import findings
-from experiments.cli import compose_job
-from experiments.conf_files import group_names
-from experiments.config import ReproduceConfig, RowConfig, SimulateConfig, TableConfig
-from experiments.golden import checks, golden_file
-from experiments.jobs import JobResult, batches
-from experiments.masses import mass_schedule
-from experiments.plan import Job, plan
-from experiments.results import Results, interval
+from experiments import reproduce
+from experiments.building.masses import mass_schedule
+from experiments.command.cli import compose_job
+from experiments.command.conf_files import group_names
+from experiments.reproduction import tables
+from experiments.reproduction.claims import findings
+from experiments.reproduction.golden import checks, golden_file
+from experiments.reproduction.jobs import JobResult, batches
+from experiments.reproduction.plan import Job, plan
+from experiments.reproduction.results import Results
+from experiments.runs.intervals import interval
+from experiments.settings.config import ReproduceConfig, RowConfig, SimulateConfig, TableConfig
 from tests.conftest import GOLDEN
 from tests.experiments.command import exit_code
 

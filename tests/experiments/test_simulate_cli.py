@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from experiments import cli, simulate
-from experiments.conf_files import group_names
-from experiments.help_texts import HELP
+from experiments import simulate
+from experiments.command import cli
+from experiments.command.conf_files import group_names
+from experiments.command.help_texts import HELP
 from tests.conftest import GOLDEN
 from tests.experiments.command import exit_code
 
@@ -323,7 +324,7 @@ def test_help_says_what_for_and_its_examples_compose(
 
 
 def test_run_folders_of_runs_started_at_once_differ() -> None:
-    from experiments.hydra_setup import _run_folder
+    from experiments.command.hydra_setup import _run_folder
 
     folders = {_run_folder(None, "simulate") for _ in range(200)}
     assert len(folders) == 200

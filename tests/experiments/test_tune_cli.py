@@ -12,7 +12,8 @@ import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from experiments import checkpoints, tune
+from experiments import tune
+from experiments.runs import checkpoints
 from tests.experiments.command import exit_code
 
 #: The torch engine has nothing to compile.

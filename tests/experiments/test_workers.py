@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import mann_torch as mt
-from experiments.workers import in_parallel
+from experiments.runs.workers import in_parallel
 
 ROOT = Path(__file__).parent.parent.parent
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.writing import write_bytes, write_json
+from experiments.runs.writing import write_bytes, write_json
 
 
 def test_a_failed_write_keeps_the_old_file_and_leaves_nothing(

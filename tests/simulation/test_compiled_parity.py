@@ -9,10 +9,10 @@ import torch
 from omegaconf import OmegaConf
 
 import mann_torch as mt
-from experiments.build import Experiment, build
-from experiments.cli import compose_job
-from experiments.conf_files import group_names
-from experiments.config import SimulateConfig
+from experiments.building.build import Experiment, build
+from experiments.command.cli import compose_job
+from experiments.command.conf_files import group_names
+from experiments.settings.config import SimulateConfig
 from mann_torch.trees import leaves
 from mann_torch.types import NetworkState
 from tests.conftest import GOLDEN, randn

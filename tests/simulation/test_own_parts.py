@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 import mann_torch as mt
-from experiments.benchmark_n_link import NLinkArm, NLinkParameters
+from experiments.benchmarking.n_link import NLinkArm, NLinkParameters
 from mann_torch.plants import ArmCoefficients
 from mann_torch.simulation.solvers.solver import Flow, Solver
 from mann_torch.types import (

@@ -9,9 +9,9 @@ import torch
 from omegaconf import OmegaConf
 
 import mann_torch as mt
-from experiments.build import build
-from experiments.cli import compose_job
-from experiments.config import SimulateConfig
+from experiments.building.build import build
+from experiments.command.cli import compose_job
+from experiments.settings.config import SimulateConfig
 
 
 def final_angles(controller: str, horizon: float, solver: mt.Solver) -> torch.Tensor:

@@ -1,0 +1,1 @@
+"""Every engine measured, a section a file."""

@@ -1,0 +1,82 @@
+"""What `--help` says, command by command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from ..settings.memory_config import LEARNERS, RECALLERS
+from .conf_files import group_names
+
+
+@dataclass(frozen=True)
+class Help:
+    """A purpose, the groups of `conf` with their names, other choices, and examples."""
+
+    purpose: str
+    examples: dict[str, str]
+    groups: tuple[str, ...] = ()
+    choices: Callable[[], dict[str, tuple[str, ...]]] = field(default=dict)
+
+
+STUDY = ("scenario", "controller", "keys", "solver")
+HELP = {
+    "simulate": Help(
+        "Simulate one scenario under one controller: SRMSE, figures, TensorBoard, arrays.",
+        {
+            "example": "scenario=5 controller=soft draws=3",
+            "sweep": "-m scenario=1,4 controller=nn,soft",
+        },
+        ("scenario", "controller", "keys", "solver", "plant"),
+    ),
+    "reproduce": Help(
+        "Reproduce the paper's tables, figures and claims.",
+        {
+            "one table": "experiment=[table_1]",
+            "golden": "initial.weights_file=tests/golden/initial_weights.npz",
+        },
+        ("experiment", "solver"),
+    ),
+    "tune": Help(
+        "Tune design constants by gradient, then judge them on scenarios and draws held out.",
+        {
+            "fewer": "names=[write_gain,error_gain]",
+            "resume": "resume=logs/tune/STAMP",
+            "compare": "compare=[logs/tune/OTHER]",
+        },
+        STUDY,
+    ),
+    "gradient_report": Help(
+        "Every gradient mode against differences, constant by constant, for one scenario.",
+        {"example": "scenario=4 controller=hard"},
+        STUDY,
+    ),
+    "online_regression": Help(
+        "Learn a function that changes abruptly and comes back, sample by sample: the network "
+        "alone and with a memory.",
+        {
+            "fewer": "variants=[network,soft]",
+            "a member": "member=3",
+            "sweep": "-m write_gain=0.5,1",
+        },
+        choices=lambda: {"variants": LEARNERS},
+    ),
+    "recall": Help(
+        "Train associative recall by backpropagation: the memory cell beside nn.LSTM and nn.GRU.",
+        {"fewer": "variants=[soft,lstm] seeds=2", "harder": "n_keys=12 n_pairs=10 n_slots=12"},
+        choices=lambda: {"variants": RECALLERS},
+    ),
+}
+
+
+def help_text(command: str) -> str:
+    """Hydra's help template for a command."""
+    said = HELP[command]
+    names = {group: group_names(group) for group in said.groups} | said.choices()
+    lines = [f"  {name:<11}{', '.join(offered)}" for name, offered in names.items()]
+    examples = [
+        f"  {what:<11}python -m experiments.{command} {arguments}"
+        for what, arguments in said.examples.items()
+    ]
+    settings = ["Settings, each as NAME=VALUE:", "", "$CONFIG"]
+    return "\n".join([said.purpose, "", *lines, "", *examples, "", *settings])

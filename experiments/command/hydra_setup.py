@@ -1,0 +1,47 @@
+"""What Hydra needs to know: schemas, run folders, help texts."""
+
+from __future__ import annotations
+
+import datetime
+import os
+import secrets
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import OmegaConf
+
+from ..settings.config import ReproduceConfig, SimulateConfig
+from ..settings.memory_config import OnlineRegressionConfig, RecallConfig
+from ..settings.study_config import GradientReportConfig, TuneConfig
+from .help_texts import help_text
+
+
+def _stamp() -> str:
+    now = datetime.datetime.now().strftime("%Y%m%d-%H%M%S-%f")
+    return f"{now}-{os.getpid()}{secrets.token_hex(2)}"
+
+
+def _run_folder(run_dir: str | None, task: str) -> str:
+    return run_dir or f"logs/{task}/{_stamp()}"
+
+
+def _tune_folder(run_dir: str | None, resume: str | None) -> str:
+    return resume or _run_folder(run_dir, "tune")
+
+
+def _sweep_folder(run_dir: str | None, task: str) -> str:
+    return run_dir or f"logs/{task}/multirun-{_stamp()}"
+
+
+def register() -> None:
+    """Put schemas and resolvers in Hydra's stores; safe to call again."""
+    OmegaConf.register_new_resolver("run_folder", _run_folder, replace=True, use_cache=True)
+    OmegaConf.register_new_resolver("sweep_folder", _sweep_folder, replace=True, use_cache=True)
+    OmegaConf.register_new_resolver("tune_folder", _tune_folder, replace=True, use_cache=True)
+    OmegaConf.register_new_resolver("help_text", help_text, replace=True)
+    store = ConfigStore.instance()
+    store.store(name="base_simulate", node=SimulateConfig)
+    store.store(name="base_reproduce", node=ReproduceConfig)
+    store.store(name="base_online_regression", node=OnlineRegressionConfig)
+    store.store(name="base_recall", node=RecallConfig)
+    store.store(name="base_tune", node=TuneConfig)
+    store.store(name="base_gradient_report", node=GradientReportConfig)

@@ -1,0 +1,1 @@
+"""Gradients judged: elasticities and their pictures."""

@@ -1,0 +1,1 @@
+"""The memory without a robot: learners, measures, report."""

@@ -1,0 +1,63 @@
+"""Pictures of learning: errors over time, learning curves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ..runs.figures import COLOURS
+
+MORE_COLOURS = (*COLOURS, "tab:brown", "tab:gray", "tab:olive")
+
+
+def errors_over_time(
+    lines: Mapping[str, np.ndarray], span: float, starts: Sequence[float], names: Sequence[str]
+) -> Figure:
+    """RMSE (T,) of every variant, one value a `span` [s], and its difference from the first's.
+
+    A function begins at each of `starts`, called by its name above.
+    """
+    figure = Figure(figsize=(11, 7), layout="constrained")
+    top, bottom = figure.subplots(2, 1, sharex=True)
+    base_name, base = next(iter(lines.items()))
+    for colour, (name, values) in zip(MORE_COLOURS, lines.items(), strict=False):
+        t = span * (np.arange(len(values)) + 0.5)
+        top.plot(t, values, lw=1.0, color=colour, label=name)
+        bottom.plot(t, values - base, lw=1.0, color=colour)
+    for ax in (top, bottom):
+        for start in starts[1:]:
+            ax.axvline(start, color="0.5", lw=0.7, ls=":", zorder=0)
+    for start, name in zip(starts, names, strict=True):
+        top.annotate(
+            name, (start, 1.0), (3, -3), ("data", "axes fraction"), "offset points", va="top"
+        )
+    top.set_ylabel("RMSE over seeds [-]")
+    bottom.set_ylabel(f"RMSE less that of {base_name} [-]")
+    bottom.set_xlabel("t [s]; dotted: the function changes")
+    figure.legend(loc="outside right upper", fontsize="small")
+    figure.suptitle("Online regression: error over time")
+    return figure
+
+
+def learning_curves(
+    runs: Mapping[str, np.ndarray], iterations: Mapping[str, int], chance: float
+) -> Figure:
+    """Cross entropy (seeds, points) by variant: the mean, and the range over seeds."""
+    figure = Figure(figsize=(9, 5), layout="constrained")
+    ax = figure.subplots()
+    for colour, (name, losses) in zip(MORE_COLOURS, runs.items(), strict=False):
+        points = losses.shape[1]
+        x = iterations[name] * (np.arange(points) + 0.5) / points
+        style = "--" if name.endswith("_long") else "-"
+        ax.plot(x, losses.mean(axis=0), style, lw=1.2, color=colour, label=name)
+        ax.fill_between(x, losses.min(axis=0), losses.max(axis=0), color=colour, alpha=0.12, lw=0)
+    ax.axhline(chance, color="0.4", lw=0.8, ls=":", label="guessing")
+    ax.set_xlabel("iteration")
+    ax.set_ylabel("cross entropy [nat]; bands: range over seeds")
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    figure.legend(loc="outside right upper", fontsize="small")
+    ax.set_title("Associative recall: learning")
+    return figure

@@ -1,0 +1,1 @@
+"""The paper again: jobs, results, tables, claims, golden runs."""

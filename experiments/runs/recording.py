@@ -1,0 +1,129 @@
+"""What a run leaves behind: arrays, metrics and TensorBoard logs of a trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+from torch.utils.tensorboard import SummaryWriter
+from torch.utils.tensorboard.summary import hparams
+
+from mann_torch import Trajectory, reallocations, srmse, switches
+from mann_torch.simulation import ClosedLoop, Scenario, attended_slot, observe
+
+from ..settings.config import SimulateConfig
+
+#: TensorBoard is for looking: at most this many points a curve. The record is the .npz file.
+MAX_POINTS = 2000
+
+
+def metrics_of(trajectory: Trajectory) -> dict[str, Any]:
+    """Figures of merit, one entry a draw; SRMSE in rad, NaN for a draw that diverged."""
+    return {
+        "srmse": srmse(trajectory).tolist(),
+        "srmse_after_10s": srmse(trajectory, after=10.0).tolist(),
+        "reallocations": reallocations(trajectory).tolist(),
+        "switches": switches(trajectory).tolist(),
+        "status": trajectory.describe_status(),
+    }
+
+
+def signal_arrays(
+    loop: ClosedLoop, scenario: Scenario, trajectory: Trajectory
+) -> dict[str, np.ndarray]:
+    """The trajectory at its samples as arrays (K, draws, .): units rad, rad/s, N m, kg, s."""
+    output = observe(loop, scenario, trajectory)
+    signals = output.signals
+    t = trajectory.sample_t
+    masses = scenario.parameters_at(t).masses
+    tensors: dict[str, torch.Tensor | None] = {
+        "t": t,
+        "q": trajectory.states.plant.q,
+        "qd": trajectory.states.plant.qd,
+        "error": signals.tracking.error,
+        "error_rate": signals.tracking.error_rate,
+        "torque": output.torque,
+        "gain": signals.gain,
+        "hidden": signals.features.hidden,
+        "read": signals.read,
+        "weights": signals.weights,
+        "attended": attended_slot(trajectory),
+        "masses": masses,
+    }
+    if trajectory.modes is not None:
+        tensors["reallocations"] = trajectory.modes.reallocations
+        tensors["active"] = trajectory.modes.active
+    if trajectory.states.controller.memory is not None:
+        tensors["mu"] = trajectory.states.controller.memory.mu
+    arrays = {name: value.numpy() for name, value in tensors.items() if value is not None}
+    arrays["reference"] = arrays["q"] + arrays["error"]
+    return arrays
+
+
+def log_run(
+    folder: Path,
+    cfg: SimulateConfig,
+    arrays: Mapping[str, np.ndarray],
+    metrics: Mapping[str, Any],
+    figures: Mapping[str, Figure],
+) -> None:
+    """TensorBoard: curves against time in ms, figures, and the settings with their results."""
+    with SummaryWriter(str(folder)) as writer:
+        stride = -(-len(arrays["t"]) // MAX_POINTS)
+        steps = np.round(arrays["t"][::stride] * 1000).astype(int).tolist()
+        for tag, values in _curves(arrays):
+            for step, value in zip(steps, values[::stride].tolist(), strict=True):
+                writer.add_scalar(tag, value, step)
+        results = {
+            f"metrics/srmse_{joint + 1}": float(np.mean([row[joint] for row in metrics["srmse"]]))
+            for joint in range(2)
+        }
+        log_summary(writer, flat_settings(asdict(cfg)), results, figures)
+
+
+def log_summary(
+    writer: SummaryWriter,
+    settings: Mapping[str, Any],
+    results: Mapping[str, float],
+    figures: Mapping[str, Figure],
+) -> None:
+    """Figures, results as scalars, and the settings (flat) with them as hparams."""
+    for name, figure in figures.items():
+        writer.add_figure(name, figure, close=False)
+    # add_hparams would open a second run named by the time of day.
+    for summary in hparams(dict(settings), dict(results)):
+        writer._get_file_writer().add_summary(summary)
+    for tag, value in results.items():
+        writer.add_scalar(tag, value)
+
+
+def _curves(arrays: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
+    curves = []
+    draws = arrays["q"].shape[1]
+    for draw in range(draws):
+        for joint in range(arrays["q"].shape[2]):
+            for name in ("error", "torque"):
+                tag = f"draw{draw}/{name}_{joint + 1}"
+                curves.append((tag, arrays[name][:, draw, joint]))
+        for name in ("attended", "reallocations"):
+            if name in arrays:
+                curves.append((f"draw{draw}/{name}", arrays[name][:, draw]))
+    return curves
+
+
+def flat_settings(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested settings as one level of numbers, texts and truth values."""
+    flat: dict[str, Any] = {}
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            flat.update(flat_settings(value, f"{prefix}{key}/"))
+        elif isinstance(value, bool | int | float | str):
+            flat[prefix + key] = value
+        else:
+            flat[prefix + key] = str(value)
+    return flat

@@ -1,0 +1,1 @@
+"""What a command may be told: typed settings, and checks of them."""

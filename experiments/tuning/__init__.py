@@ -1,0 +1,1 @@
+"""Tuned constants judged where they have not been."""

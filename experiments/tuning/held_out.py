@@ -1,0 +1,163 @@
+"""Constants judged on scenarios and draws they were not tuned on, beside others."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from mann_torch.errors import ConfigError
+from mann_torch.tuning import Ensemble, Score
+
+from ..building.ensembles import check_names, tuned_ensemble
+from ..runs.intervals import Interval, interval
+from ..settings.study_config import SetConfig, TuneConfig
+
+START, TUNED = "start", "tuned"
+#: What a candidate may cost beside the start, to count as within limits.
+RATE_LIMIT, PEAK_LIMIT = 1.0, 1.1
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Constants under a name; those not given are the scenario's own."""
+
+    name: str
+    values: Mapping[str, Tensor]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One scenario: paired changes from the start [%], over draws."""
+
+    scenario: str
+    candidate: str
+    srmse: Interval
+    rate: Interval
+    peak: Interval
+
+    @property
+    def within_limits(self) -> bool:
+        """No more torque rate, at most a tenth more peak torque."""
+        return self.rate.mean <= 100 * (RATE_LIMIT - 1) and self.peak.mean <= 100 * (PEAK_LIMIT - 1)
+
+
+def grid_candidates(grid: Any) -> list[Candidate]:
+    """Every combination of the grid's values. Raises `ConfigError`."""
+    if grid is None:
+        return []
+    if not isinstance(grid, Mapping):
+        raise ConfigError(f"grid = {grid}: give lists of numbers by name, grid={{rate_W:[10,30]}}")
+    columns = []
+    for name, values in grid.items():
+        try:
+            columns.append([float(value) for value in values])
+        except (TypeError, ValueError):
+            raise ConfigError(f"grid.{name} = {values}: give a list of numbers") from None
+    found = []
+    for point in itertools.product(*columns) if columns else []:
+        pairs = list(zip(grid, point, strict=True))
+        values = {name: torch.tensor(value, dtype=torch.float64) for name, value in pairs}
+        found.append(Candidate(", ".join(f"{name}={value:g}" for name, value in pairs), values))
+    return found
+
+
+def compared(paths: Sequence[str]) -> list[Candidate]:
+    """Constants of other runs, from their `constants.json`. Raises `ConfigError`."""
+    found = []
+    for path in paths:
+        file = Path(path)
+        file = file / "constants.json" if file.is_dir() else file
+        try:
+            data = json.loads(file.read_text())
+            values = {
+                str(name): torch.tensor(value, dtype=torch.float64)
+                for name, value in data["constants"].items()
+            }
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise ConfigError(f"compare: {file}: {type(error).__name__}: {error}") from None
+        found.append(Candidate("tuned: " + ", ".join(values), values))
+    return found
+
+
+def held_out_ensembles(cfg: TuneConfig, of: SetConfig) -> dict[str, Ensemble]:
+    """One ensemble a scenario: all its draws. Raises `ConfigError`."""
+    check_names("held_out", of.scenarios, of.draws)
+    return {name: tuned_ensemble(cfg, [name], of.draws) for name in of.scenarios}
+
+
+def check_candidates(ensemble: Ensemble, candidates: Sequence[Candidate]) -> None:
+    """Raise `ConfigError` for a constant that does not exist or can't have its value."""
+    controller = ensemble.loop.controller
+    for candidate in candidates:
+        for name, value in candidate.values.items():
+            domain, event = controller.domain(name), controller.constant(name).shape
+            domain.check(f"{candidate.name}: {name}", domain.coerce(value, event))
+
+
+def evaluate(
+    ensemble: Ensemble,
+    candidates: Sequence[Candidate],
+    progress: Callable[[int], object] | None = None,
+) -> Score:
+    """Scores (C, draws) of all candidates from one batch."""
+    controller = ensemble.loop.controller
+    names = {name for candidate in candidates for name in candidate.values}
+    values = {}
+    for name in sorted(names):
+        start = controller.constant(name).detach()
+        domain = controller.domain(name)
+        rows = [domain.coerce(c.values.get(name, start), start.shape) for c in candidates]
+        values[name] = torch.stack(rows).unsqueeze(1)
+    return ensemble.scores(values, progress)
+
+
+def verdicts(
+    scores: Mapping[str, Score], candidates: Sequence[Candidate], of: Sequence[str]
+) -> list[Verdict]:
+    """The named candidates against the first one, scenario by scenario."""
+    names = [candidate.name for candidate in candidates]
+    found = []
+    for scenario, score in scores.items():
+        for name in of:
+            changes = [_change(leaf[names.index(name)].numpy(), leaf[0].numpy()) for leaf in score]
+            found.append(Verdict(scenario, name, *changes))
+    return found
+
+
+def _change(new: np.ndarray, old: np.ndarray) -> Interval:
+    return interval(100.0 * (new - old) / old.mean())
+
+
+def markdown(found: Sequence[Verdict]) -> str:
+    """A table: paired change from the start, mean and 95 % interval over draws."""
+    lines = [
+        "| scenario | constants | SRMSE | RMS torque rate | peak torque | within limits |",
+        "|---|---|---|---|---|---|",
+    ]
+    for v in found:
+        within = "yes" if v.within_limits else "no"
+        lines.append(
+            f"| {v.scenario} | {v.candidate} | {v.srmse} | {v.rate} | {v.peak} | {within} |"
+        )
+    return "\n".join(lines)
+
+
+def rows(scores: Mapping[str, Score], candidates: Sequence[Candidate]) -> list[list[Any]]:
+    """A line for every scenario, candidate and draw, header first."""
+    table: list[list[Any]] = [["scenario", "constants", "draw", *Score._fields]]
+    for scenario, score in scores.items():
+        columns = [leaf.tolist() for leaf in score]
+        for c, candidate in enumerate(candidates):
+            for draw in range(len(columns[0][c])):
+                table.append(
+                    [scenario, candidate.name, draw, *(column[c][draw] for column in columns)]
+                )
+    return table
