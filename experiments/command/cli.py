@@ -7,6 +7,7 @@ import itertools
 import os
 import re
 import shlex
+import signal
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -15,16 +16,18 @@ from typing import Any
 
 import hydra
 from hydra import compose, initialize_config_dir
+from hydra._internal.utils import get_args_parser
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 
 from mann_torch.errors import ConfigError, MannError
 
+from ..runs.life import check_folder, run_in
 from .conf_files import CONF
+from .failing import fail, one_line, speak_any_terminal
 from .hydra_setup import register
 
 register()
@@ -38,29 +41,39 @@ _TAKES_VALUE = ("--config-name", "-cn", "--config-path", "-cp", "--config-dir", 
 
 def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[Any], None]) -> None:
     """Check every job of the command line, then let Hydra run `task` on each."""
+    speak_any_terminal()
+    debugged = os.environ.get("HYDRA_FULL_ERROR") == "1"
     arguments = _quote_numeric_names(sys.argv[1:])
     sys.argv[1:] = arguments
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name=config_name)
     if not any(a.split("=")[0] in _PASS_THROUGH for a in arguments):
         try:
+            _check_options(arguments)
             jobs = list(_jobs(arguments))
-            for overrides in jobs:
+            sweeps = _is_multirun(arguments)
+            folders = set()
+            for number, overrides in enumerate(jobs):
                 cfg = compose_job(config_name, overrides)
                 check(cfg)
-                _check_run_dir(cfg)
-            _check_sweep(arguments, jobs)
+                folders.add(cfg.run_dir)
+                _check_run_dir(cfg, number if sweeps else None)
+            if len(folders) > 1:
+                raise ConfigError("run_dir: a sweep has one; its jobs go into numbered folders")
         except Exception as error:  # whatever a setting breaks, it is one line and no folder
             fail(error, BAD_INPUT)
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # what fails comes here, and Hydra prints nothing
     try:
-        entry(_guarded(task))()
+        entry(_guarded(task, debugged))()
     except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one: we are on our way
         fail(MannError("interrupted; what was finished has been written"), INTERRUPTED)
-
-
-def fail(error: Exception, code: int) -> None:
-    """One line on stderr, then exit."""
-    print(f"error: {_one_line(error)}", file=sys.stderr)
-    sys.exit(code)
+    except Exception as error:
+        if debugged:
+            raise
+        fail(error, FAILED)
+    finally:
+        if not debugged:
+            del os.environ["HYDRA_FULL_ERROR"]
 
 
 def compose_job(config_name: str, overrides: list[str]) -> Any:
@@ -72,7 +85,7 @@ def compose_job(config_name: str, overrides: list[str]) -> Any:
         with initialize_config_dir(version_base="1.3", config_dir=str(CONF)):
             return compose(config_name, overrides=overrides)
     except Exception as error:  # Hydra raises bare TypeErrors and the like for odd overrides
-        raise ConfigError(_one_line(error)) from None
+        raise ConfigError(one_line(error)) from None
     finally:
         GlobalHydra.instance().hydra = outer
 
@@ -84,14 +97,17 @@ def command_line(module: str) -> str:
     return shlex.join(["python", "-m", module, *plain])
 
 
-def _guarded(task: Callable[[Any], None]) -> Callable[[Any], None]:
+def _guarded(task: Callable[[Any], None], debugged: bool) -> Callable[[Any], None]:
     def guarded(cfg: Any) -> None:
         try:
-            _refuse_finished_run(Path(HydraConfig.get().runtime.output_dir))
-            task(cfg)
+            run_in(Path(HydraConfig.get().runtime.output_dir), cfg, task)
         except ConfigError as error:
             fail(error, BAD_INPUT)
         except MannError as error:
+            fail(error, FAILED)
+        except Exception as error:  # Hydra would print what it knows of the job
+            if debugged:
+                raise
             fail(error, FAILED)
 
     return guarded
@@ -109,7 +125,7 @@ def _jobs(arguments: list[str]) -> Iterator[list[str]]:
     try:
         parsed = OverridesParser.create().parse_overrides(texts)
     except HydraException as error:
-        raise ConfigError(_one_line(error)) from None
+        raise ConfigError(one_line(error)) from None
     choices: list[list[str]] = []
     for override, text in zip(parsed, texts, strict=True):
         if multirun and override.is_sweep_override():
@@ -151,56 +167,29 @@ def reject_unknown(cfg: Any, schema: type, where: str = "") -> None:
             reject_unknown(cfg[key], kind, f"{where}{key}.")
 
 
-def _check_run_dir(cfg: Any) -> None:
-    if cfg.run_dir is None:
-        return
-    folder = Path(cfg.run_dir)
+def _check_run_dir(cfg: Any, number: int | None) -> None:
+    """Of one job, or of job `number` of a sweep. Raises `ConfigError`."""
+    folder = Path("logs" if cfg.run_dir is None else cfg.run_dir)
+    name = "the folder of results" if cfg.run_dir is None else "run_dir"
     existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not existing.is_dir() or not os.access(existing, os.W_OK):
-        raise ConfigError(f"run_dir = {folder}: {existing} is not a folder one can write to")
+        raise ConfigError(f"{name} = {folder}: {existing} is not a folder one can write to")
     try:  # root may do what a file system does not allow
         os.rmdir(tempfile.mkdtemp(dir=existing))
     except OSError as error:
-        raise ConfigError(f"run_dir = {folder}: {error.strerror}") from None
-    _refuse_finished_run(folder)
+        raise ConfigError(f"{name} = {folder}: {error.strerror}") from None
+    if cfg.run_dir is not None:
+        check_folder(folder if number is None else folder / str(number), cfg)
 
 
-def _check_sweep(arguments: list[str], jobs: list[list[str]]) -> None:
-    """A sweep writes into numbered folders of one `run_dir`, none of which may hold a run."""
-    if not _is_multirun(arguments):
-        return
-    folders = {o.partition("=")[2] for job in jobs for o in job if o.startswith("run_dir=")}
-    if len(folders) > 1:
-        raise ConfigError("run_dir: a sweep has one; its jobs go into numbered folders there")
-    for folder in folders:
-        for number in range(len(jobs)):
-            _refuse_finished_run(Path(folder) / str(number))
-
-
-def _refuse_finished_run(folder: Path) -> None:
-    if (folder / "metrics.json").exists():
-        raise ConfigError(f"run_dir = {folder}: already holds a run; name another folder")
+def _check_options(arguments: list[str]) -> None:
+    """Raise `ConfigError` for an option that Hydra does not have; it would print its usage."""
+    known = get_args_parser()._option_string_actions
+    for argument in arguments:
+        name = argument.partition("=")[0]
+        if name.startswith("-") and name not in known:
+            raise ConfigError(f"unknown option '{name}'; see --help")
 
 
 def _is_multirun(arguments: list[str]) -> bool:
     return any(a in ("-m", "--multirun") for a in arguments)
-
-
-def _one_line(error: Exception) -> str:
-    text = str(error).strip()
-    missing = re.search(r"Could not find '([^']+)/([^'/]+)'", text)
-    if missing:
-        options = re.search(
-            r"Available options in '[^']+':\s*((?:\S+\s*)+?)(?:Config search|$)", text
-        )
-        group, name = missing.groups()
-        names = ", ".join(options.group(1).split()) if options else "see --help"
-        return f"unknown {group} '{name}'; choose from {names}"
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    cause = error.__cause__
-    first = lines[0] if lines else ""
-    if not isinstance(error, MannError | HydraException | OmegaConfBaseException):
-        first = f"{type(error).__name__}: {first}"
-    if cause is not None and str(cause).strip():
-        first = f"{first} ({str(cause).strip().splitlines()[0]})"
-    return first
