@@ -147,7 +147,8 @@ def numbers_in(folder: Path) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for path in sorted(folder.rglob("*.npz")):
         for name, array in np.load(path).items():
-            found[f"{path.relative_to(folder)}/{name}"] = array.tolist()
+            key = f"{path.relative_to(folder)}/{name}"
+            found[key] = (array.dtype.str, array.shape, array.tobytes())
     for path in sorted(folder.rglob("metrics.json")):
         record = json.loads(path.read_text())
         for name in ("wall_s", "tuning_s", "command"):
