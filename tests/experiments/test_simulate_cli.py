@@ -239,6 +239,26 @@ def test_a_draw_out_of_range_is_named(
     assert "draws 0 to 9" in capsys.readouterr().err and not folder.exists()
 
 
+def test_a_weights_file_may_number_its_draws(
+    folder: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with np.load(GOLDEN / "initial_weights.npz") as data:
+        arrays = {name: data[name][[2, 5, 4]] for name in data.files}
+    path = tmp_path_factory.mktemp("weights") / "some.npz"
+    np.savez(path, draws=np.array([2, 5, 4]), **arrays)
+    quiet = ["controller=nn", "horizon=0.3", "output.figures=false", "initial.draw=4", "draws=2"]
+    assert run(monkeypatch, *quiet, WEIGHTS, f"run_dir={folder}/all") == 0
+    assert run(monkeypatch, *quiet, f"initial.weights_file={path}", f"run_dir={folder}/some") == 0
+    every, some = (json.loads((folder / d / "metrics.json").read_text()) for d in ("all", "some"))
+    assert some["srmse"] == every["srmse"]
+    capsys.readouterr()
+    assert run(monkeypatch, *quiet, f"initial.weights_file={path}", "initial.draw=3") == 2
+    assert "holds draws 2, 4, 5; draws 3 to 4 were asked for" in capsys.readouterr().err
+
+
 def test_one_bad_job_stops_a_multirun_before_it_starts(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
