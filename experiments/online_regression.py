@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from .command import early
+
+if __name__ == "__main__":
+    early.begin("online_regression")
+
 import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import torch
 from hydra.core.hydra_config import HydraConfig
-from matplotlib.figure import Figure
 from omegaconf import OmegaConf
 from torch import Tensor
 
@@ -44,6 +48,9 @@ from .runs.workers import in_parallel
 from .runs.writing import write_arrays, write_text
 from .settings.checks import check_between, check_positive, check_variants
 from .settings.memory_config import LEARNERS, OnlineRegressionConfig
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PROBES = 64  # points of a forgetting test
 TEST, TUNING = 0, 1  # streams

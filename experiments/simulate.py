@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from .command import early
+
+if __name__ == "__main__":
+    early.begin("simulate")
+
 import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import torch
 from hydra.core.hydra_config import HydraConfig
-from matplotlib.figure import Figure
 from omegaconf import OmegaConf
 
 from mann_torch import Trajectory, memory_figure, rollout
@@ -32,6 +36,9 @@ from .runs.progress import progress_bar
 from .runs.recording import log_run, metrics_of, signal_arrays
 from .runs.writing import write_arrays, write_json, write_text
 from .settings.config import SimulateConfig
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def main() -> None:

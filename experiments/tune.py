@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from .command import early
+
+if __name__ == "__main__":
+    early.begin("tune")
+
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import torch
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
-from torch.utils.tensorboard import SummaryWriter
 
 from mann_torch.errors import ConfigError
 from mann_torch.simulation.step_grid import StepGrid
@@ -23,12 +27,15 @@ from .runs import checkpoints
 from .runs.figures import save
 from .runs.intervals import Interval
 from .runs.progress import progress_bar
-from .runs.recording import flat_settings, log_summary
+from .runs.recording import flat_settings, log_summary, summary_writer
 from .runs.writing import csv_text, write_json, write_text
 from .settings.study_config import TuneConfig
 from .tuning import held_out
 from .tuning.figures import pareto, progress_curves
 from .tuning.held_out import START, TUNED, Candidate
+
+if TYPE_CHECKING:
+    from torch.utils.tensorboard import SummaryWriter
 
 
 def main() -> None:
@@ -109,7 +116,7 @@ def _task(cfg: Any) -> None:
     start = time.perf_counter()
     for old in folder.glob("events.out.tfevents*"):
         old.unlink()  # of a run that was killed: the checkpoint has its history, whole
-    with SummaryWriter(str(folder)) as writer:
+    with summary_writer(folder) as writer:
         for record in tuner.history:
             _log(writer, tuner, record)
         _tune(tuner, folder, writer)

@@ -24,6 +24,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from mann_torch.errors import ConfigError, MannError
 
+from . import early
 from .conf_files import CONF
 from .hydra_setup import register
 
@@ -32,7 +33,6 @@ register()
 #: Exit codes: a setting that cannot be used, a run that failed, Ctrl-C.
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
-_PASS_THROUGH = ("--help", "-h", "--hydra-help", "--version", "--info", "-i", "--shell-completion")
 _TAKES_VALUE = ("--config-name", "-cn", "--config-path", "-cp", "--config-dir", "-cd", "--package")
 
 
@@ -41,7 +41,9 @@ def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[An
     arguments = _quote_numeric_names(sys.argv[1:])
     sys.argv[1:] = arguments
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name=config_name)
-    if not any(a.split("=")[0] in _PASS_THROUGH for a in arguments):
+    if early.asks(arguments):
+        early.answer(config_name)
+    else:
         try:
             jobs = list(_jobs(arguments))
             for overrides in jobs:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from .writing import write_bytes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Arrays = Mapping[str, np.ndarray]
 COLOURS = ("tab:red", "tab:blue", "tab:green", "tab:purple", "tab:orange")
@@ -44,6 +47,8 @@ def save(figure: Figure, path: Path) -> None:
 
 def joint_angles(runs: Mapping[str, Arrays], title: str) -> Figure:
     """x_1 and x_2 of several controllers over the reference, and their errors below."""
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(11, 6.2), layout="constrained")
     axes = figure.subplots(2, 2, sharex=True)
     for joint in range(2):
@@ -68,6 +73,8 @@ def joint_angles(runs: Mapping[str, Arrays], title: str) -> Figure:
 
 def features_and_read(runs: Mapping[str, Arrays], title: str) -> Figure:
     """sigma and h_o, one line a neuron, one column a controller."""
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(5.5 * len(runs), 5.5), layout="constrained")
     axes = figure.subplots(2, len(runs), sharex=True, sharey="row", squeeze=False)
     for column, (name, run) in enumerate(runs.items()):
@@ -88,6 +95,8 @@ def features_and_read(runs: Mapping[str, Arrays], title: str) -> Figure:
 def attention_timeline(runs: Mapping[str, Arrays], title: str) -> Figure:
     """Attended slot and reallocations of each controller, over the masses."""
     with_slots = {name: run for name, run in runs.items() if "attended" in run}
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(10, 1.6 + 1.7 * len(with_slots)), layout="constrained")
     axes = figure.subplots(len(with_slots) + 1, 1, sharex=True, squeeze=False)[:, 0]
     for ax, (name, run) in zip(axes, with_slots.items(), strict=False):
@@ -112,6 +121,8 @@ def attention_timeline(runs: Mapping[str, Arrays], title: str) -> Figure:
 
 def against_paper(rows: Sequence[tuple[str, float, float, float]], title: str) -> Figure:
     """Every published figure beside ours: rows of (label, paper, mean, half-width)."""
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(8, 0.24 * len(rows) + 1.2), layout="constrained")
     ax = figure.subplots()
     y = np.arange(len(rows))[::-1]

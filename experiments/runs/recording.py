@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from matplotlib.figure import Figure
-from torch.utils.tensorboard import SummaryWriter
-from torch.utils.tensorboard.summary import hparams
 
 from mann_torch import Trajectory, reallocations, srmse, switches
 from mann_torch.simulation import ClosedLoop, Scenario, attended_slot, observe
 
 from ..settings.config import SimulateConfig
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from torch.utils.tensorboard import SummaryWriter
 
 #: TensorBoard is for looking: at most this many points a curve. The record is the .npz file.
 MAX_POINTS = 2000
@@ -65,6 +66,13 @@ def signal_arrays(
     return arrays
 
 
+def summary_writer(folder: Path) -> SummaryWriter:
+    """TensorBoard's writer; tensorboard is imported where something is logged."""
+    from torch.utils.tensorboard import SummaryWriter
+
+    return SummaryWriter(str(folder))
+
+
 def log_run(
     folder: Path,
     cfg: SimulateConfig,
@@ -73,7 +81,7 @@ def log_run(
     figures: Mapping[str, Figure],
 ) -> None:
     """TensorBoard: curves against time in ms, figures, and the settings with their results."""
-    with SummaryWriter(str(folder)) as writer:
+    with summary_writer(folder) as writer:
         stride = -(-len(arrays["t"]) // MAX_POINTS)
         steps = np.round(arrays["t"][::stride] * 1000).astype(int).tolist()
         for tag, values in _curves(arrays):
@@ -93,6 +101,8 @@ def log_summary(
     figures: Mapping[str, Figure],
 ) -> None:
     """Figures, results as scalars, and the settings (flat) with them as hparams."""
+    from torch.utils.tensorboard.summary import hparams
+
     for name, figure in figures.items():
         writer.add_figure(name, figure, close=False)
     # add_hparams would open a second run named by the time of day.

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from mann_torch.tuning import Score
 
 from .held_out import PEAK_LIMIT, START, Candidate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 COLOURS = ("tab:red", "tab:blue", "tab:green", "tab:purple", "tab:orange", "tab:brown", "tab:pink")
 
@@ -19,6 +21,8 @@ def progress_curves(
     history: Sequence[Mapping[str, Any]], labels: Sequence[str], starts: Sequence[float]
 ) -> Figure:
     """Objective and every coordinate's constant, relative to its start, against iterations."""
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(11, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2)
     steps = [row["iteration"] + 1 for row in history]
@@ -50,6 +54,8 @@ def pareto(
     """
     columns = min(2, len(scores))
     lines = -(-len(scores) // columns)
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(5.6 * columns, 4.2 * lines + 0.6), layout="constrained")
     axes = figure.subplots(lines, columns, squeeze=False).reshape(-1)
     names = [candidate.name for candidate in candidates]
