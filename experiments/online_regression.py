@@ -35,7 +35,7 @@ from .learning.online_learners import (
     OnlineLearner,
     draw_stream,
 )
-from .learning.online_measures import MEASURES, after_each_switch, measured
+from .learning.online_measures import MEASURES, after_each_switch, in_blocks, measured
 from .learning.report import (
     Report,
     by_variant,
@@ -204,13 +204,6 @@ def reported(cfg: OnlineRegressionConfig, found: Mapping[str, Learnt], wall_s: f
         {f"{variant}/rmse": in_blocks(learnt.rmse, block) for variant, learnt in found.items()},
         {"switches": [header, *rows]},
     )
-
-
-def in_blocks(rmse: np.ndarray, block: int) -> np.ndarray:
-    """RMSE (visits, samples) over `block` samples each, as one row."""
-    whole = rmse.size // block * block
-    blocks: np.ndarray = np.sqrt((rmse.reshape(-1)[:whole].reshape(-1, block) ** 2).mean(axis=1))
-    return blocks
 
 
 def _block(cfg: OnlineRegressionConfig) -> int:

@@ -22,6 +22,7 @@ from mann_torch.simulation import check_engine
 from mann_torch.simulation.step_grid import StepGrid
 
 from .building.build import Experiment, build
+from .building.masses import late_jumps
 from .command.cli import command_line, reject_unknown, run_cli
 from .runs.figures import (
     Arrays,
@@ -105,6 +106,9 @@ def summary(metrics: Mapping[str, Any]) -> str:
 def _task(cfg: Any) -> None:
     plain = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
+    late = late_jumps(plain.scenario, plain.horizon)
+    if late is not None:
+        print(f"warning: {late}", file=sys.stderr)
     experiment, trajectory, wall_s = simulate(plain)
     with torch.inference_mode():
         metrics = metrics_of(trajectory)

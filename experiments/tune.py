@@ -11,7 +11,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import torch
 from hydra.core.hydra_config import HydraConfig
@@ -27,15 +27,12 @@ from .runs import checkpoints
 from .runs.figures import save
 from .runs.intervals import Interval
 from .runs.progress import progress_bar
-from .runs.recording import flat_settings, log_summary, summary_writer
+from .runs.recording import Writer, flat_settings, log_summary, summary_writer
 from .runs.writing import csv_text, write_json, write_text
 from .settings.study_config import TuneConfig
 from .tuning import held_out
 from .tuning.figures import pareto, progress_curves
 from .tuning.held_out import START, TUNED, Candidate
-
-if TYPE_CHECKING:
-    from torch.utils.tensorboard import SummaryWriter
 
 
 def main() -> None:
@@ -165,7 +162,7 @@ def _task(cfg: Any) -> None:
     print(f"written to {folder}", flush=True)
 
 
-def _tune(tuner: Tuner, folder: Path, writer: SummaryWriter) -> None:
+def _tune(tuner: Tuner, folder: Path, writer: Writer) -> None:
     """All iterations that are left; a checkpoint after each."""
     with progress_bar(tuner.schedule.iterations, "iteration") as bar:
         bar.update(tuner.iteration)
@@ -177,7 +174,7 @@ def _tune(tuner: Tuner, folder: Path, writer: SummaryWriter) -> None:
             bar.update()
 
 
-def _log(writer: SummaryWriter, tuner: Tuner, record: dict[str, Any]) -> None:
+def _log(writer: Writer, tuner: Tuner, record: dict[str, Any]) -> None:
     """One iteration's curves."""
     step, labels = record["iteration"], tuner.coordinates.labels
     writer.add_scalar("tune/objective", record["objective"], step)

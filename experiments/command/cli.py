@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import os
 import re
 import shlex
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,42 +16,44 @@ import hydra
 from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
+from hydra.types import RunMode
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from mann_torch.errors import ConfigError, MannError
 
 from . import early
-from .conf_files import CONF
+from .conf_files import CONF, SEARCH_KEY, search_path
 from .hydra_setup import register
+from .overrides import as_typed, is_multirun, job_name, jobs_of, quote_numeric_names, unknown_key
 
 register()
 
 #: Exit codes: a setting that cannot be used, a run that failed, Ctrl-C.
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
-_TAKES_VALUE = ("--config-name", "-cn", "--config-path", "-cp", "--config-dir", "-cd", "--package")
-
 
 def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[Any], None]) -> None:
     """Check every job of the command line, then let Hydra run `task` on each."""
-    arguments = _quote_numeric_names(sys.argv[1:])
-    sys.argv[1:] = arguments
-    entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name=config_name)
-    if early.asks(arguments):
+    if early.asks(sys.argv[1:]):
         early.answer(config_name)
-    else:
-        try:
-            jobs = list(_jobs(arguments))
-            for overrides in jobs:
+    try:
+        arguments = sys.argv[1:] = quote_numeric_names(sys.argv[1:])
+        jobs = list(jobs_of(arguments))
+        for number, overrides in enumerate(jobs):
+            try:
                 cfg = compose_job(config_name, overrides)
                 check(cfg)
                 _check_run_dir(cfg)
-            _check_sweep(arguments, jobs)
-        except Exception as error:  # whatever a setting breaks, it is one line and no folder
-            fail(error, BAD_INPUT)
+            except Exception as error:
+                if len(jobs) == 1:
+                    raise
+                raise ConfigError(f"{job_name(number, jobs)}: {_one_line(error)}") from None
+        _check_sweep(arguments, jobs)
+    except Exception as error:  # whatever a setting breaks, it is one line and no folder
+        fail(error, BAD_INPUT)
+    entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name=config_name)
     try:
         entry(_guarded(task))()
     except KeyboardInterrupt:
@@ -66,15 +67,31 @@ def fail(error: Exception, code: int) -> None:
 
 
 def compose_job(config_name: str, overrides: list[str]) -> Any:
-    """One composed configuration. Raises `ConfigError` in one line where it does not compose."""
+    """One composed configuration. Raises `ConfigError` in one line where it does not compose.
+
+    It looks for groups where the command line does, see `search_path`.
+    """
+    try:
+        return _composed(config_name, overrides)
+    except Exception as error:  # Hydra raises bare TypeErrors and the like for odd overrides
+        text = _one_line(error)
+    if text.startswith("Could not"):
+        text = unknown_key(text, _composed(config_name, [])) or text
+    raise ConfigError(text)
+
+
+def _composed(config_name: str, overrides: list[str]) -> Any:
+    places = search_path()
+    if places:
+        quoted = ",".join("'" + place.replace("'", r"\'") + "'" for place in places)
+        rest = [o for o in overrides if o.partition("=")[0] != SEARCH_KEY]
+        overrides = [*rest, f"{SEARCH_KEY}=[{quoted}]"]
     state = GlobalHydra.instance()
     outer = state.hydra  # set inside a task that Hydra runs: compose needs it out of the way
     state.hydra = None
     try:
         with initialize_config_dir(version_base="1.3", config_dir=str(CONF)):
             return compose(config_name, overrides=overrides)
-    except Exception as error:  # Hydra raises bare TypeErrors and the like for odd overrides
-        raise ConfigError(_one_line(error)) from None
     finally:
         GlobalHydra.instance().hydra = outer
 
@@ -82,8 +99,7 @@ def compose_job(config_name: str, overrides: list[str]) -> Any:
 def command_line(module: str) -> str:
     """The command that made the running job, to be written beside its results."""
     overrides = HydraConfig.get().overrides.task
-    plain = [re.sub(r"^(\w+)='([^']*)'$", r"\1=\2", override) for override in overrides]
-    return shlex.join(["python", "-m", module, *plain])
+    return shlex.join(["python", "-m", module, *map(as_typed, overrides)])
 
 
 def _guarded(task: Callable[[Any], None]) -> Callable[[Any], None]:
@@ -92,54 +108,19 @@ def _guarded(task: Callable[[Any], None]) -> Callable[[Any], None]:
             _refuse_finished_run(Path(HydraConfig.get().runtime.output_dir))
             task(cfg)
         except ConfigError as error:
-            fail(error, BAD_INPUT)
+            fail(_of_job(error), BAD_INPUT)
         except MannError as error:
-            fail(error, FAILED)
+            fail(_of_job(error), FAILED)
 
     return guarded
 
 
-def _jobs(arguments: list[str]) -> Iterator[list[str]]:
-    """The override lists of all jobs: one, or the product of a multirun's choices."""
-    multirun = _is_multirun(arguments)
-    texts, skip = [], False
-    for argument in arguments:
-        if skip or argument.startswith("-"):
-            skip = (not skip and argument in _TAKES_VALUE) or argument in ("-c", "--cfg", "-p")
-            continue
-        texts.append(argument)
-    try:
-        parsed = OverridesParser.create().parse_overrides(texts)
-    except HydraException as error:
-        raise ConfigError(_one_line(error)) from None
-    choices: list[list[str]] = []
-    for override, text in zip(parsed, texts, strict=True):
-        if multirun and override.is_sweep_override():
-            key = override.get_key_element()
-            choices.append([f"{key}={value}" for value in override.sweep_string_iterator()])
-        else:
-            choices.append([text])
-    for job in itertools.product(*choices):
-        yield list(job)
-
-
-def _quote_numeric_names(arguments: list[str]) -> list[str]:
-    """`scenario=1` as `scenario='1'`: Hydra takes a bare number for an int, not for a name."""
-    quoted = []
-    for argument in arguments:
-        group, equals, _ = argument.partition("=")
-        if equals and (CONF / group).is_dir() and re.fullmatch(r"\w+", group):
-            try:
-                (override,) = OverridesParser.create().parse_overrides([argument])
-                values = list(override.sweep_iterator()) if override.is_sweep_override() else None
-                if values is not None:
-                    argument = f"{group}=" + ",".join(f"'{value}'" for value in values)
-                elif isinstance(override.value(), int | float):
-                    argument = f"{group}='{override.value()}'"
-            except HydraException:
-                pass  # reported with all other bad overrides
-        quoted.append(argument)
-    return quoted
+def _of_job(error: MannError) -> MannError:
+    """An error of a multirun's job names the job."""
+    run = HydraConfig.get()
+    if run.mode != RunMode.MULTIRUN:
+        return error
+    return MannError(f"job {run.job.num} ({' '.join(map(as_typed, run.overrides.task))}): {error}")
 
 
 def reject_unknown(cfg: Any, schema: type, where: str = "") -> None:
@@ -169,7 +150,7 @@ def _check_run_dir(cfg: Any) -> None:
 
 def _check_sweep(arguments: list[str], jobs: list[list[str]]) -> None:
     """A sweep writes into numbered folders of one `run_dir`, none of which may hold a run."""
-    if not _is_multirun(arguments):
+    if not is_multirun(arguments):
         return
     folders = {o.partition("=")[2] for job in jobs for o in job if o.startswith("run_dir=")}
     if len(folders) > 1:
@@ -182,10 +163,6 @@ def _check_sweep(arguments: list[str], jobs: list[list[str]]) -> None:
 def _refuse_finished_run(folder: Path) -> None:
     if (folder / "metrics.json").exists():
         raise ConfigError(f"run_dir = {folder}: already holds a run; name another folder")
-
-
-def _is_multirun(arguments: list[str]) -> bool:
-    return any(a in ("-m", "--multirun") for a in arguments)
 
 
 def _one_line(error: Exception) -> str:

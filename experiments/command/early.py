@@ -15,6 +15,7 @@ import hydra
 from .completion import script
 from .conf_files import CONF
 from .hydra_setup import register
+from .overrides import quote_numeric_names
 
 #: Options that ask something about a command, and run nothing.
 ASKING = ("--help", "-h", "--hydra-help", "--version", "--info", "-i", "--shell-completion", "-sc")
@@ -43,8 +44,9 @@ def answer(command: str) -> None:
             print(script(sys.argv[0]))
             sys.exit()
     if "COMP_LINE" in os.environ:  # Hydra knows `python FILE` and `NAME`, not `python -m NAME`
-        line = os.environ["COMP_LINE"]
-        os.environ["COMP_LINE"] = re.sub(r"^\s*\S*python\S*\s+-m\s+(?=\S)", "", line)
+        line = re.sub(r"^\s*\S*python\S*\s+-m\s+(?=\S)", "", os.environ["COMP_LINE"])
+        *words, last = line.split(" ")
+        os.environ["COMP_LINE"] = " ".join([*quote_numeric_names(words), last])
     hydra.main(version_base="1.3", config_path=str(CONF), config_name=command)(_nothing)()
     sys.exit()
 

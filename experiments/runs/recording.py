@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import torch
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from torch.utils.tensorboard import SummaryWriter
 
+Writer: TypeAlias = "SummaryWriter"
 #: TensorBoard is for looking: at most this many points a curve. The record is the .npz file.
 MAX_POINTS = 2000
 
@@ -66,7 +67,7 @@ def signal_arrays(
     return arrays
 
 
-def summary_writer(folder: Path) -> SummaryWriter:
+def summary_writer(folder: Path) -> Writer:
     """TensorBoard's writer; tensorboard is imported where something is logged."""
     from torch.utils.tensorboard import SummaryWriter
 
@@ -95,7 +96,7 @@ def log_run(
 
 
 def log_summary(
-    writer: SummaryWriter,
+    writer: Writer,
     settings: Mapping[str, Any],
     results: Mapping[str, float],
     figures: Mapping[str, Figure],

@@ -3,6 +3,8 @@
 import importlib
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +16,13 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from experiments import simulate
 from experiments.command import cli
-from experiments.command.conf_files import group_names
+from experiments.command.conf_files import CONF, group_names
 from experiments.command.help_texts import HELP
+from experiments.command.overrides import jobs_of, quote_numeric_names
 from tests.conftest import GOLDEN
 from tests.experiments.command import exit_code
 
+ROOT = Path(__file__).parents[2]
 PICTURES = {"joint_angles", "features_and_read", "attention", "memory"}
 WEIGHTS = f"initial.weights_file={GOLDEN / 'initial_weights.npz'}"
 
@@ -266,6 +270,129 @@ def test_one_bad_job_stops_a_multirun_before_it_starts(
     assert not folder.exists()
 
 
+def test_the_error_of_one_bad_job_names_the_job(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["-m", "controller=nn,hard", "draws=1,0", "horizon=0.05", f"run_dir={folder}"]
+    assert run(monkeypatch, *arguments) == 2
+    err = capsys.readouterr().err
+    assert err == "error: job 1 (controller=nn draws=0): draws = 0: at least 1\n"
+
+
+@pytest.mark.parametrize(
+    ("argument", "words"),
+    [
+        ("controler=hard", "unknown setting 'controler'; did you mean controller?"),
+        ("solver.dtt=1e-3", "did you mean solver.dt?"),
+        ("dt=1e-3", "did you mean solver.dt?"),
+        ("memory.zzz=1", "unknown setting 'memory.zzz'; choose from n_slots, reset of memory"),
+        ("zzz=1", "choose from plant, keys, controller"),
+    ],
+)
+def test_a_typo_of_a_key_is_told_the_nearest_or_all(
+    argument: str,
+    words: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(monkeypatch, argument) == 2
+    err = capsys.readouterr().err
+    assert words in err and len(err.splitlines()) == 1
+
+
+def test_mass_jumps_beyond_the_horizon_are_said(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quiet = ["controller=nn", "output.figures=false", "output.tensorboard=false"]
+    jumps = "scenario.mass_jumps=[[0.01,2],[0.05,2],[7,2]]"
+    assert run(monkeypatch, *quiet, "horizon=0.05", jumps, f"run_dir={folder}/a") == 0
+    err = capsys.readouterr().err
+    assert "warning: 2 of 3 mass jumps, the first at 0.05 s, come after the horizon" in err
+    jumps = "scenario.mass_jumps=[[0.01,2]]"
+    assert run(monkeypatch, *quiet, "horizon=0.05", jumps, f"run_dir={folder}/b") == 0
+    assert "warning" not in capsys.readouterr().err
+
+
+@pytest.fixture
+def own(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a scenario 7 and a controller of one's own."""
+    base = tmp_path_factory.mktemp("own")
+    for group, like, name in (("scenario", "1", "7"), ("controller", "nn", "small")):
+        text = (CONF / group / f"{like}.yaml").read_text().replace(f"name: {like}", f"name: {name}")
+        (base / group).mkdir()
+        (base / group / f"{name}.yaml").write_text(text.replace('name: "1"', 'name: "7"'))
+    return base
+
+
+@pytest.mark.parametrize("option", ["--config-dir={}", "--config-dir {}", "hydra.searchpath=[{}]"])
+def test_own_groups_are_found(
+    option: str, own: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    where = option.format(own).split(" ")
+    quiet = ["horizon=0.02", "output.figures=false", "output.tensorboard=false"]
+    chosen = ["scenario=7", "controller=small"]
+    assert run(monkeypatch, *where, *chosen, *quiet, f"run_dir={folder}") == 0
+    metrics = json.loads((folder / "metrics.json").read_text())
+    assert metrics["scenario"] == "7" and metrics["controller"] == "small"
+
+
+def test_own_groups_are_offered_and_a_missing_folder_is_named(
+    own: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, "--help", f"--config-dir={own}") == 0
+    assert "illustration" in (out := capsys.readouterr().out) and ", 6, 7, " in out
+    for option in ("--config-dir=/nowhere", "hydra.searchpath=[/nowhere]"):
+        assert run(monkeypatch, option, "scenario=7") == 2
+        assert "'/nowhere' is not a folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("python -m experiments.simulate scen", {"scenario=", "scenario."}),
+        ("mann-simulate scenario=1 solver.d", {"solver.dt=", "solver.device="}),
+        ("python3 -m experiments.simulate scenario=4", {"scenario=4", "scenario=4_offset"}),
+    ],
+)
+def test_tab_completes(
+    line: str, words: set[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COMP_LINE", line)
+    monkeypatch.setenv("COMP_POINT", str(len(line)))
+    assert run(monkeypatch, "-sc", "query=bash") == 0
+    assert words <= set(capsys.readouterr().out.split())
+
+
+def test_the_shell_is_told_how_to_complete(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, "-sc", "install=bash") == 0
+    assert "complete " in capsys.readouterr().out
+
+
+def test_help_needs_no_torch() -> None:
+    code = (
+        "import runpy, sys\nsys.argv = ['simulate', '--help']\n"
+        "try: runpy.run_module('experiments.simulate', run_name='__main__')\n"
+        "except SystemExit: print('torch' in sys.modules)"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    assert out.stdout.endswith("False\n") and "scenario=5" in out.stdout
+
+
+def test_a_run_without_pictures_imports_no_plotting(tmp_path: Path) -> None:
+    foreign = ("matplotlib", "scipy", "torchdiffeq", "tensorboard")
+    quiet = ["horizon=0.02", "output.figures=false", "output.tensorboard=false"]
+    quiet += ["solver.engine=torch", f"run_dir={tmp_path}/run"]
+    code = (
+        f"import sys\nsys.argv = {['simulate', *quiet]}\n"
+        "from experiments import simulate\nsimulate.main()\n"
+        f"print([name for name in {(*foreign, 'torch._dynamo')} if name in sys.modules])"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    assert out.stdout.splitlines()[-1] == "[]", out.stderr
+
+
 def test_a_finished_run_is_not_overwritten(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -339,7 +466,7 @@ def test_help_says_what_for_and_its_examples_compose(
     assert all(name in out for names in said.choices().values() for name in names)
     for example in said.examples.values():
         assert example in out
-        for overrides in cli._jobs(cli._quote_numeric_names(example.split())):
+        for overrides in jobs_of(quote_numeric_names(example.split())):
             cli.compose_job(command, overrides)
 
 
