@@ -18,6 +18,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
 
 from mann_torch import Trajectory, memory_figure, rollout
+from mann_torch.errors import ConfigError
 from mann_torch.simulation import check_engine
 from mann_torch.simulation.step_grid import StepGrid
 
@@ -28,9 +29,11 @@ from .runs.figures import (
     Arrays,
     attention_timeline,
     features_and_read,
+    formats_of,
     joint_angles,
     one_draw,
     save,
+    torques,
     with_resets,
 )
 from .runs.progress import progress_bar
@@ -51,6 +54,9 @@ def checked(cfg: Any) -> SimulateConfig:
     """A composed configuration as plain dataclasses, its names, types and ranges verified."""
     reject_unknown(cfg, SimulateConfig)
     plain = cast(SimulateConfig, OmegaConf.to_object(cfg))
+    formats_of(plain.output.format)
+    if not 10 <= plain.output.dpi <= 2400:
+        raise ConfigError(f"output.dpi = {plain.output.dpi:g}: must be 10 to 2400")
     build(plain)
     return plain
 
@@ -83,6 +89,7 @@ def run_figures(title: str, name: str, arrays: Arrays, member: int) -> dict[str,
     run = one_draw(arrays, member)
     runs = {name: run}
     figures = {"joint_angles": joint_angles(runs, title)}
+    figures["torques"] = torques(runs, title)
     figures["features_and_read"] = features_and_read(runs, title)
     if "attended" in run:
         figures["attention"] = attention_timeline(runs, title)
@@ -133,7 +140,7 @@ def _task(cfg: Any) -> None:
     if plain.output.figures:
         figures = run_figures(title, plain.controller.name, arrays, plain.output.member)
     for name, figure in figures.items():
-        save(figure, folder / f"{name}.png")
+        save(figure, folder / name, formats_of(plain.output.format), plain.output.dpi)
     if plain.output.tensorboard:
         log_run(folder, plain, arrays, metrics, figures)
     print(f"{title}, {trajectory.solver} ({trajectory.engine}), {wall_s:.1f} s")

@@ -59,10 +59,16 @@ def as_typed(override: str) -> str:
 
 
 def quote_numeric_names(arguments: list[str]) -> list[str]:
-    """`scenario=1` as `scenario='1'`: Hydra takes a bare number for an int, not for a name."""
+    """`scenario=1` as `scenario='1'`: Hydra takes a bare number for an int, not for a name.
+
+    And `output.format=png,pdf` as one text, where it is no sweep.
+    """
     quoted = []
     for argument in arguments:
-        group, equals, _ = argument.partition("=")
+        group, equals, value = argument.partition("=")
+        listed = group == "output.format" and re.fullmatch(r"\w+(,\w+)+", value)
+        if listed and not is_multirun(arguments):
+            argument = f"{group}='{value}'"
         if equals and re.fullmatch(r"\w+", group) and group_folders(group):
             try:
                 (override,) = OverridesParser.create().parse_overrides([argument])

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..runs.figures import beside
 from .elasticities import Findings
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ def norms(findings: Findings, title: str) -> Figure:
     """Norm of the mean gradient against the horizon."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6.5, 4.2), layout="constrained")
+    figure = Figure(figsize=(8, 4.2), layout="constrained")
     ax = figure.subplots()
     for mode, series in findings.norms.items():
         horizon, norm = zip(*series, strict=True)
@@ -68,6 +69,6 @@ def norms(findings: Findings, title: str) -> Figure:
     ax.set_xlabel("horizon [s]")
     ax.set_ylabel("norm of the elasticities")
     ax.grid(alpha=0.3, which="both")
-    ax.legend(fontsize="small")
+    beside(ax, fontsize="small")
     ax.set_title(title)
     return figure

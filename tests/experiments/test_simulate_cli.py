@@ -19,11 +19,12 @@ from experiments.command import cli
 from experiments.command.conf_files import CONF, group_names
 from experiments.command.help_texts import HELP
 from experiments.command.overrides import jobs_of, quote_numeric_names
+from experiments.runs.figures import attention_timeline
 from tests.conftest import GOLDEN
 from tests.experiments.command import exit_code
 
 ROOT = Path(__file__).parents[2]
-PICTURES = {"joint_angles", "features_and_read", "attention", "memory"}
+PICTURES = {"joint_angles", "torques", "features_and_read", "attention", "memory"}
 WEIGHTS = f"initial.weights_file={GOLDEN / 'initial_weights.npz'}"
 
 
@@ -72,6 +73,28 @@ def test_tensorboard_holds_curves_figures_and_settings_in_one_run(
     assert "_hparams_/session_start_info" in accumulator.summary_metadata
     results = json.loads((folder / "metrics.json").read_text())["srmse"][0]
     assert accumulator.Scalars("metrics/srmse_1")[0].value == pytest.approx(results[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("given", ["[svg,pdf]", "svg,pdf"])
+def test_pictures_come_in_the_formats_asked_for(
+    given: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    quiet = ["controller=nn", "horizon=0.1", "output.tensorboard=false", "output.dpi=40"]
+    assert run(monkeypatch, *quiet, f"output.format={given}", f"run_dir={folder}") == 0
+    names = {path.name for path in folder.iterdir()}
+    assert {"torques.svg", "torques.pdf"} <= names and "torques.png" not in names
+
+
+def test_soft_attention_is_drawn_as_weights() -> None:
+    t = np.arange(3.0)
+    soft = np.tile([0.5, 0.3, 0.2], (3, 1))
+    run = {"t": t, "weights": soft, "attended": np.zeros(3), "masses": np.ones((3, 2))}
+    run |= {"reallocations": np.zeros(3)}
+    hard = {**run, "weights": np.tile([1.0, 0.0, 0.0], (3, 1))}
+    top, middle, _ = attention_timeline({"soft": run, "hard": hard}, "").axes
+    assert "weights" in top.get_title() and top.get_ylim() == (0.0, 1.0)
+    assert len(top.collections) == 3 and top.get_legend() is not None
+    assert "attended slot" in middle.get_title()
 
 
 def test_weights_file_gives_the_files_draw(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -137,6 +160,9 @@ BAD = [
     ("output.sample_dt=0", "sample_dt"),
     ("output.member=-1", "output.member"),
     ("draws=2 output.member=2", "output.member"),
+    ("output.format=gif", "output.format: no 'gif'; choose from png, pdf, svg"),
+    ("output.format=[]", "output.format"),
+    ("output.dpi=0", "output.dpi"),
     ("speed=3", "speed"),
     ("+speed=3", "unknown setting 'speed'"),
     ("+plant.colour=red", "unknown setting 'plant.colour'"),
