@@ -25,7 +25,7 @@ from .gradients.elasticities import Findings, difference_name, estimate_all
 from .gradients.figures import landscapes, norms
 from .runs.figures import save
 from .runs.progress import progress_bar
-from .runs.recording import flat_settings, log_summary, summary_writer
+from .runs.recording import log_summary, summary_writer, telling_settings
 from .runs.writing import csv_text, write_json, write_text
 from .settings.config import ConstantsConfig, SimulateConfig
 from .settings.study_config import GradientReportConfig
@@ -102,7 +102,7 @@ def _task(cfg: Any) -> None:
         for label, interval in zip(findings.labels, estimate.intervals, strict=True)
     }
     with summary_writer(folder) as writer:
-        log_summary(writer, flat_settings(dataclasses.asdict(plain)), results, figures)
+        log_summary(writer, telling_settings(plain), results, figures)
     write_json(
         folder / "metrics.json",
         {

@@ -27,7 +27,7 @@ from .runs import checkpoints
 from .runs.figures import save
 from .runs.intervals import Interval
 from .runs.progress import progress_bar
-from .runs.recording import Writer, flat_settings, log_summary, summary_writer
+from .runs.recording import Writer, log_summary, summary_writer, telling_settings
 from .runs.writing import csv_text, write_json, write_text
 from .settings.study_config import TuneConfig
 from .tuning import held_out
@@ -142,7 +142,7 @@ def _task(cfg: Any) -> None:
             for v in verdicts
             if v.candidate == TUNED
         }
-        log_summary(writer, flat_settings(asdict(plain)), results, figures)
+        log_summary(writer, telling_settings(plain), results, figures)
     report = _report(tuner, verdicts, command, tuning_s)
     write_text(folder / "report.md", report)
     write_text(folder / "held_out.csv", csv_text(held_out.rows(scores, candidates)))

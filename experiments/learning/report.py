@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,7 +14,7 @@ from mann_torch.memory import MemoryTrace, reallocation_log
 from mann_torch.statistics import mean_and_half
 
 from ..runs.figures import save
-from ..runs.recording import MAX_POINTS, flat_settings, log_summary, summary_writer
+from ..runs.recording import MAX_POINTS, log_summary, summary_writer, telling_settings
 from ..runs.writing import csv_text, write_arrays, write_json, write_text
 
 if TYPE_CHECKING:
@@ -153,4 +152,4 @@ def write_pictures(folder: Path, cfg: Any, report: Report, figures: Mapping[str,
             for step in range(0, len(values), stride):
                 writer.add_scalar(tag, float(values[step]), step)
         results = {f"result/{r[0]}/{measure}": float(str(r[place])) for r in report.comparison.rows}
-        log_summary(writer, flat_settings(asdict(cfg)), results, figures)
+        log_summary(writer, telling_settings(cfg), results, figures)

@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from tensorboard.plugins.hparams.plugin_data_pb2 import HParamsPluginData
 
 from experiments import simulate
 from experiments.command import cli
@@ -63,9 +64,10 @@ def test_tensorboard_holds_curves_figures_and_settings_in_one_run(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert run(monkeypatch, "controller=hard", "horizon=0.5", f"run_dir={folder}") == 0
+    named = folder / "controller=hard,horizon=0.5"  # by what was asked for, none by the time
     events = list(folder.rglob("events.out.tfevents.*"))
-    assert [path.parent for path in events] == [folder]  # no sub-run named by the time
-    accumulator = EventAccumulator(str(folder), size_guidance={"scalars": 0}).Reload()
+    assert [path.parent for path in events] == [named]
+    accumulator = EventAccumulator(str(named), size_guidance={"scalars": 0}).Reload()
     tags = accumulator.Tags()
     assert {"draw0/error_1", "draw0/torque_2", "draw0/attended"} <= set(tags["scalars"])
     assert len(accumulator.Scalars("draw0/error_1")) == 11
@@ -73,6 +75,34 @@ def test_tensorboard_holds_curves_figures_and_settings_in_one_run(
     assert "_hparams_/session_start_info" in accumulator.summary_metadata
     results = json.loads((folder / "metrics.json").read_text())["srmse"][0]
     assert accumulator.Scalars("metrics/srmse_1")[0].value == pytest.approx(results[0], rel=1e-6)
+
+
+def hparams_of(folder: Path) -> set[str]:
+    """Settings in TensorBoard's table."""
+    accumulator = EventAccumulator(str(folder)).Reload()
+    content = accumulator.summary_metadata["_hparams_/session_start_info"].plugin_data.content
+    return set(HParamsPluginData.FromString(content).session_start_info.hparams)
+
+
+def test_tensorboards_table_holds_what_differs(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments = ["-m", "seed=0,3", "solver.dt=0.002", "horizon=0.05", "output.figures=false"]
+    assert run(monkeypatch, *arguments, f"run_dir={folder}") == 0
+    identity = {"scenario/name", "controller/name", "keys/name"}
+    for number, seed in enumerate((0, 3)):
+        named = folder / str(number) / f"seed={seed},solver.dt=0.002,horizon=0.05"
+        assert hparams_of(named) == identity | {"seed", "solver/dt", "horizon"}
+
+
+def test_tensorboard_shows_soft_attention_as_weights(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    quiet = ["controller=soft", "horizon=0.1", "output.figures=false"]
+    assert run(monkeypatch, *quiet, f"run_dir={folder}") == 0
+    (events,) = folder.rglob("events.out.tfevents.*")
+    tags = set(EventAccumulator(str(events.parent)).Reload().Tags()["scalars"])
+    assert {"draw0/weight_1", "draw0/weight_5"} <= tags and "draw0/attended" not in tags
 
 
 @pytest.mark.parametrize("given", ["[svg,pdf]", "svg,pdf"])
