@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from .command import early
+
+if __name__ == "__main__":
+    early.begin("gradient_report")
+
 import dataclasses
 import math
 import time
@@ -10,7 +15,6 @@ from typing import Any, cast
 
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
-from torch.utils.tensorboard import SummaryWriter
 
 from mann_torch.errors import ConfigError
 from mann_torch.tuning import Coordinates, Ensemble
@@ -22,7 +26,7 @@ from .gradients.figures import landscapes, norms
 from .runs.figures import save
 from .runs.life import finish
 from .runs.progress import progress_bar
-from .runs.recording import flat_settings, log_summary
+from .runs.recording import log_summary, summary_writer, telling_settings
 from .runs.writing import csv_text, write_text
 from .settings.config import ConstantsConfig, SimulateConfig
 from .settings.study_config import GradientReportConfig
@@ -97,8 +101,8 @@ def _task(cfg: Any) -> None:
         for estimate in findings.estimates
         for label, interval in zip(findings.labels, estimate.intervals, strict=True)
     }
-    with SummaryWriter(str(folder)) as writer:
-        log_summary(writer, flat_settings(dataclasses.asdict(plain)), results, figures)
+    with summary_writer(folder) as writer:
+        log_summary(writer, telling_settings(plain), results, figures)
     finish(
         folder,
         {

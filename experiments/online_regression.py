@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from .command import early
+
+if __name__ == "__main__":
+    early.begin("online_regression")
+
 import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import torch
 from hydra.core.hydra_config import HydraConfig
-from matplotlib.figure import Figure
 from omegaconf import OmegaConf
 from torch import Tensor
 
@@ -31,7 +35,7 @@ from .learning.online_learners import (
     OnlineLearner,
     draw_stream,
 )
-from .learning.online_measures import MEASURES, after_each_switch, measured
+from .learning.online_measures import MEASURES, after_each_switch, in_blocks, measured
 from .learning.report import (
     Report,
     by_variant,
@@ -42,6 +46,9 @@ from .learning.report import (
 from .runs.parts import all_parts
 from .settings.checks import check_between, check_positive, check_variants
 from .settings.memory_config import LEARNERS, OnlineRegressionConfig
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PROBES = 64  # points of a forgetting test
 TEST, TUNING = 0, 1  # streams
@@ -195,13 +202,6 @@ def reported(cfg: OnlineRegressionConfig, found: Mapping[str, Learnt], wall_s: f
         {f"{variant}/rmse": in_blocks(learnt.rmse, block) for variant, learnt in found.items()},
         {"switches": [header, *rows]},
     )
-
-
-def in_blocks(rmse: np.ndarray, block: int) -> np.ndarray:
-    """RMSE (visits, samples) over `block` samples each, as one row."""
-    whole = rmse.size // block * block
-    blocks: np.ndarray = np.sqrt((rmse.reshape(-1)[:whole].reshape(-1, block) ** 2).mean(axis=1))
-    return blocks
 
 
 def _block(cfg: OnlineRegressionConfig) -> int:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from .command import early
+
+if __name__ == "__main__":
+    early.begin("recall")
+
 import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import torch
 from hydra.core.hydra_config import HydraConfig
-from matplotlib.figure import Figure
 from omegaconf import OmegaConf
 from torch import nn
 
@@ -41,6 +45,9 @@ from .learning.report import (
 from .runs.parts import all_parts
 from .settings.checks import check_between, check_positive, check_variants
 from .settings.memory_config import RECALLERS, RecallConfig
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MEASURES = (Measure("accuracy", "accuracy", 2, lower_is_better=False),)
 POINTS = 50  # of a learning curve

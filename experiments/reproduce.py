@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from .command import early
+
+if __name__ == "__main__":
+    early.begin("reproduce")
+
 import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from hydra.core.hydra_config import HydraConfig
-from matplotlib.figure import Figure
 from omegaconf import OmegaConf
-from torch.utils.tensorboard import SummaryWriter
 
 from mann_torch.errors import ConfigError
 
@@ -26,9 +29,12 @@ from .reproduction.results import Results
 from .reproduction.tables import Cell
 from .runs import figures as pictures
 from .runs.life import finish
-from .runs.recording import log_summary
+from .runs.recording import log_summary, summary_writer
 from .runs.writing import aligned, csv_text, write_arrays, write_text
 from .settings.config import ReproduceConfig
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def main() -> None:
@@ -98,7 +104,7 @@ def _task(cfg: Any) -> None:
     scalars = {
         f"{c.metric}/scenario_{c.scenario}/{c.variant}/joint_{c.joint}": c.mean for c in all_cells
     }
-    with SummaryWriter(str(folder)) as writer:
+    with summary_writer(folder) as writer:
         log_summary(writer, settings, scalars, drawn)
     finish(
         folder,

@@ -2,30 +2,38 @@
 
 from __future__ import annotations
 
+from .command import early
+
+if __name__ == "__main__":
+    early.begin("simulate")
+
 import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import torch
 from hydra.core.hydra_config import HydraConfig
-from matplotlib.figure import Figure
 from omegaconf import OmegaConf
 
 from mann_torch import Trajectory, memory_figure, rollout
+from mann_torch.errors import ConfigError
 from mann_torch.simulation import check_engine
 from mann_torch.simulation.step_grid import StepGrid
 
 from .building.build import Experiment, build
+from .building.masses import late_jumps
 from .command.cli import command_line, reject_unknown, run_cli
 from .runs.figures import (
     Arrays,
     attention_timeline,
     features_and_read,
+    formats_of,
     joint_angles,
     one_draw,
     save,
+    torques,
     with_resets,
 )
 from .runs.life import finish
@@ -33,6 +41,9 @@ from .runs.progress import progress_bar
 from .runs.recording import log_run, metrics_of, signal_arrays
 from .runs.writing import write_arrays
 from .settings.config import SimulateConfig
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def main() -> None:
@@ -44,6 +55,9 @@ def checked(cfg: Any) -> SimulateConfig:
     """A composed configuration as plain dataclasses, its names, types and ranges verified."""
     reject_unknown(cfg, SimulateConfig)
     plain = cast(SimulateConfig, OmegaConf.to_object(cfg))
+    formats_of(plain.output.format)
+    if not 10 <= plain.output.dpi <= 2400:
+        raise ConfigError(f"output.dpi = {plain.output.dpi:g}: must be 10 to 2400")
     build(plain)
     return plain
 
@@ -76,6 +90,7 @@ def run_figures(title: str, name: str, arrays: Arrays, member: int) -> dict[str,
     run = one_draw(arrays, member)
     runs = {name: run}
     figures = {"joint_angles": joint_angles(runs, title)}
+    figures["torques"] = torques(runs, title)
     figures["features_and_read"] = features_and_read(runs, title)
     if "attended" in run:
         figures["attention"] = attention_timeline(runs, title)
@@ -99,6 +114,9 @@ def summary(metrics: Mapping[str, Any]) -> str:
 def _task(cfg: Any) -> None:
     plain = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
+    late = late_jumps(plain.scenario, plain.horizon)
+    if late is not None:
+        print(f"warning: {late}", file=sys.stderr)
     experiment, trajectory, wall_s = simulate(plain)
     with torch.inference_mode():
         metrics = metrics_of(trajectory)
@@ -121,7 +139,7 @@ def _task(cfg: Any) -> None:
     if plain.output.figures:
         figures = run_figures(title, plain.controller.name, arrays, plain.output.member)
     for name, figure in figures.items():
-        save(figure, folder / f"{name}.png")
+        save(figure, folder / name, formats_of(plain.output.format), plain.output.dpi)
     if plain.output.tensorboard:
         log_run(folder, plain, arrays, metrics, figures)
     finish(folder, record)

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from .command import early
+
+if __name__ == "__main__":
+    early.begin("tune")
+
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -11,7 +16,6 @@ from typing import Any, cast
 import torch
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
-from torch.utils.tensorboard import SummaryWriter
 
 from mann_torch.errors import ConfigError
 from mann_torch.simulation.step_grid import StepGrid
@@ -24,7 +28,7 @@ from .runs.figures import save
 from .runs.intervals import Interval
 from .runs.life import finish
 from .runs.progress import progress_bar
-from .runs.recording import flat_settings, log_summary
+from .runs.recording import Writer, log_summary, summary_writer, telling_settings
 from .runs.writing import csv_text, write_json, write_text
 from .settings.study_config import TuneConfig
 from .tuning import held_out
@@ -105,7 +109,7 @@ def _task(cfg: Any) -> None:
         write_text(folder / "command.txt", command_line("experiments.tune") + "\n")
     command = (folder / "command.txt").read_text().strip()
     start = time.perf_counter()
-    with SummaryWriter(str(folder)) as writer:
+    with summary_writer(folder) as writer:
         for record in tuner.history:
             _log(writer, tuner, record)
         _tune(tuner, folder, writer)
@@ -134,7 +138,7 @@ def _task(cfg: Any) -> None:
             for v in verdicts
             if v.candidate == TUNED
         }
-        log_summary(writer, flat_settings(asdict(plain)), results, figures)
+        log_summary(writer, telling_settings(plain), results, figures)
     report = _report(tuner, verdicts, command, tuning_s)
     write_text(folder / "report.md", report)
     write_text(folder / "held_out.csv", csv_text(held_out.rows(scores, candidates)))
@@ -154,7 +158,7 @@ def _task(cfg: Any) -> None:
     print(f"written to {folder}", flush=True)
 
 
-def _tune(tuner: Tuner, folder: Path, writer: SummaryWriter) -> None:
+def _tune(tuner: Tuner, folder: Path, writer: Writer) -> None:
     """All iterations that are left; a checkpoint after each."""
     with progress_bar(tuner.schedule.iterations, "iteration") as bar:
         bar.update(tuner.iteration)
@@ -166,7 +170,7 @@ def _tune(tuner: Tuner, folder: Path, writer: SummaryWriter) -> None:
             bar.update()
 
 
-def _log(writer: SummaryWriter, tuner: Tuner, record: dict[str, Any]) -> None:
+def _log(writer: Writer, tuner: Tuner, record: dict[str, Any]) -> None:
     """One iteration's curves."""
     step, labels = record["iteration"], tuner.coordinates.labels
     writer.add_scalar("tune/objective", record["objective"], step)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 COLUMNS = 3  # memories side by side, at most
 
@@ -32,6 +35,8 @@ def memory_figure(
     """
     blocks = -(-len(runs) // COLUMNS)
     columns = -(-len(runs) // blocks)
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(max(8.0, 5.2 * columns), 5.2 * blocks + 0.4), layout="constrained")
     axes = figure.subplots(2 * blocks, columns, squeeze=False, height_ratios=(1, 2) * blocks)
     for place, (name, run) in enumerate(runs.items()):

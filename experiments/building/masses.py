@@ -43,6 +43,19 @@ def mass_schedule(
     return times, multiplied(masses, factors)
 
 
+def late_jumps(scenario: ScenarioConfig, horizon: float | None) -> str | None:
+    """What to say of mass jumps that never happen: they lie at the horizon [s] or beyond."""
+    end = scenario.horizon if horizon is None else horizon
+    times = [_number(jump[0], "time") for jump in scenario.mass_jumps]
+    late = [time for time in times if time >= end]
+    if not late:
+        return None
+    return (
+        f"{len(late)} of {len(times)} mass jumps, the first at {late[0]:g} s, come after the "
+        f"horizon of {end:g} s and never happen"
+    )
+
+
 def _number(value: Any, what: str) -> float:
     match = _SQRT.fullmatch(value.strip()) if isinstance(value, str) else None
     try:

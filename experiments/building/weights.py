@@ -42,14 +42,15 @@ def inner_weights(
 ) -> tuple[Tensor, Tensor]:
     """V (draws, I, N) and b_v (draws, N) from `V_<N>` and `b_v_<N>` of an .npz file.
 
-    The first axis is the draw; inputs are ordered [e de s ds dds]. Raises `WeightsFileError` for a
-    file that is missing, unreadable, of the wrong shape, not finite, or with too few draws.
+    The first axis is the draw, numbered from 0 or, where the file has them, by the whole numbers
+    in `draws`; inputs are ordered [e de s ds dds]. Raises `WeightsFileError` for a file that is
+    missing, unreadable, of the wrong shape, not finite, or without a draw asked for.
     """
     file = Path(path)
     if not file.is_file():
         raise WeightsFileError(f"weights file '{path}' does not exist")
     names = (f"V_{n_hidden}", f"b_v_{n_hidden}")
-    arrays = []
+    arrays, numbers = [], None
     try:
         with np.load(file, allow_pickle=False) as data:
             for name in names:
@@ -58,6 +59,8 @@ def inner_weights(
                         f"weights file '{path}' has no '{name}'; it holds {', '.join(data.files)}"
                     )
                 arrays.append(np.asarray(data[name], dtype=np.float64))
+            if "draws" in data.files:
+                numbers = np.asarray(data["draws"])
     except WeightsFileError:
         raise
     except (
@@ -84,10 +87,25 @@ def inner_weights(
         )
     if not (np.isfinite(V).all() and np.isfinite(b_v).all()):
         raise WeightsFileError(f"weights file '{path}': not all numbers are finite")
-    if first + draws > len(V):
+    rows = _rows(path, numbers, len(V), range(first, first + draws))
+    return torch.from_numpy(V[rows]), torch.from_numpy(b_v[rows])
+
+
+def _rows(path: str, numbers: np.ndarray | None, count: int, asked: range) -> list[int]:
+    """Where the draws asked for stand in the file."""
+    if numbers is None:
+        numbers = np.arange(count)
+    elif numbers.shape != (count,) or numbers.dtype.kind not in "iu":
+        raise WeightsFileError(f"weights file '{path}': draws is not {count} whole numbers")
+    held = {int(number): row for row, number in enumerate(numbers)}
+    if len(held) < count:
+        raise WeightsFileError(f"weights file '{path}': draws has a number twice")
+    if not set(asked) <= set(held):
+        names = f"{min(held, default=0)} to {max(held, default=-1)}"
+        if len(held) and max(held) - min(held) + 1 > len(held):
+            names = ", ".join(map(str, sorted(held)))
         raise WeightsFileError(
-            f"weights file '{path}' holds draws 0 to {len(V) - 1}; "
-            f"draws {first} to {first + draws - 1} were asked for (initial.draw, draws)"
+            f"weights file '{path}' holds draws {names}; draws {asked[0]} to {asked[-1]} "
+            "were asked for (initial.draw, draws)"
         )
-    chosen = slice(first, first + draws)
-    return torch.from_numpy(V[chosen].copy()), torch.from_numpy(b_v[chosen].copy())
+    return [held[draw] for draw in asked]

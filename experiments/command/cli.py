@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import os
-import re
 import shlex
 import signal
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,48 +17,50 @@ from hydra import compose, initialize_config_dir
 from hydra._internal.utils import get_args_parser
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.errors import HydraException
+from hydra.types import RunMode
 from omegaconf import OmegaConf
 
 from mann_torch.errors import ConfigError, MannError
 
 from ..runs.life import check_folder, run_in
-from .conf_files import CONF
+from . import early
+from .conf_files import CONF, SEARCH_KEY, search_path
 from .failing import fail, one_line, speak_any_terminal
 from .hydra_setup import register
+from .overrides import as_typed, is_multirun, job_name, jobs_of, quote_numeric_names, unknown_key
 
 register()
 
 #: Exit codes: a setting that cannot be used, a run that failed, Ctrl-C.
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
-_PASS_THROUGH = ("--help", "-h", "--hydra-help", "--version", "--info", "-i", "--shell-completion")
-_TAKES_VALUE = ("--config-name", "-cn", "--config-path", "-cp", "--config-dir", "-cd", "--package")
-
 
 def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[Any], None]) -> None:
     """Check every job of the command line, then let Hydra run `task` on each."""
+    if early.asks(sys.argv[1:]):
+        early.answer(config_name)
     speak_any_terminal()
     debugged = os.environ.get("HYDRA_FULL_ERROR") == "1"
-    arguments = _quote_numeric_names(sys.argv[1:])
-    sys.argv[1:] = arguments
-    entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name=config_name)
-    if not any(a.split("=")[0] in _PASS_THROUGH for a in arguments):
-        try:
-            _check_options(arguments)
-            jobs = list(_jobs(arguments))
-            sweeps = _is_multirun(arguments)
-            folders = set()
-            for number, overrides in enumerate(jobs):
+    try:
+        arguments = sys.argv[1:] = quote_numeric_names(sys.argv[1:])
+        _check_options(arguments)
+        jobs = list(jobs_of(arguments))
+        folders = set()
+        for number, overrides in enumerate(jobs):
+            try:
                 cfg = compose_job(config_name, overrides)
                 check(cfg)
                 folders.add(cfg.run_dir)
-                _check_run_dir(cfg, number if sweeps else None)
-            if len(folders) > 1:
-                raise ConfigError("run_dir: a sweep has one; its jobs go into numbered folders")
-        except Exception as error:  # whatever a setting breaks, it is one line and no folder
-            fail(error, BAD_INPUT)
+                _check_run_dir(cfg, number if is_multirun(arguments) else None)
+            except Exception as error:
+                if len(jobs) == 1:
+                    raise
+                raise ConfigError(f"{job_name(number, jobs)}: {one_line(error)}") from None
+        if len(folders) > 1:
+            raise ConfigError("run_dir: a sweep has one; its jobs go into numbered folders")
+    except Exception as error:  # whatever a setting breaks, it is one line and no folder
+        fail(error, BAD_INPUT)
+    entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name=config_name)
     os.environ["HYDRA_FULL_ERROR"] = "1"  # what fails comes here, and Hydra prints nothing
     try:
         entry(_guarded(task, debugged))()
@@ -77,15 +77,31 @@ def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[An
 
 
 def compose_job(config_name: str, overrides: list[str]) -> Any:
-    """One composed configuration. Raises `ConfigError` in one line where it does not compose."""
+    """One composed configuration. Raises `ConfigError` in one line where it does not compose.
+
+    It looks for groups where the command line does, see `search_path`.
+    """
+    try:
+        return _composed(config_name, overrides)
+    except Exception as error:  # Hydra raises bare TypeErrors and the like for odd overrides
+        text = one_line(error)
+    if text.startswith("Could not"):
+        text = unknown_key(text, _composed(config_name, [])) or text
+    raise ConfigError(text)
+
+
+def _composed(config_name: str, overrides: list[str]) -> Any:
+    places = search_path()
+    if places:
+        quoted = ",".join("'" + place.replace("'", r"\'") + "'" for place in places)
+        rest = [o for o in overrides if o.partition("=")[0] != SEARCH_KEY]
+        overrides = [*rest, f"{SEARCH_KEY}=[{quoted}]"]
     state = GlobalHydra.instance()
     outer = state.hydra  # set inside a task that Hydra runs: compose needs it out of the way
     state.hydra = None
     try:
         with initialize_config_dir(version_base="1.3", config_dir=str(CONF)):
             return compose(config_name, overrides=overrides)
-    except Exception as error:  # Hydra raises bare TypeErrors and the like for odd overrides
-        raise ConfigError(one_line(error)) from None
     finally:
         GlobalHydra.instance().hydra = outer
 
@@ -93,8 +109,7 @@ def compose_job(config_name: str, overrides: list[str]) -> Any:
 def command_line(module: str) -> str:
     """The command that made the running job, to be written beside its results."""
     overrides = HydraConfig.get().overrides.task
-    plain = [re.sub(r"^(\w+)='([^']*)'$", r"\1=\2", override) for override in overrides]
-    return shlex.join(["python", "-m", module, *plain])
+    return shlex.join(["python", "-m", module, *map(as_typed, overrides)])
 
 
 def _guarded(task: Callable[[Any], None], debugged: bool) -> Callable[[Any], None]:
@@ -102,58 +117,25 @@ def _guarded(task: Callable[[Any], None], debugged: bool) -> Callable[[Any], Non
         try:
             run_in(Path(HydraConfig.get().runtime.output_dir), cfg, task)
         except ConfigError as error:
-            fail(error, BAD_INPUT)
+            fail(_of_job(error), BAD_INPUT)
         except MannError as error:
-            fail(error, FAILED)
+            fail(_of_job(error), FAILED)
         except Exception as error:  # Hydra would print what it knows of the job
             if debugged:
                 raise
-            fail(error, FAILED)
+            fail(_of_job(error), FAILED)
 
     return guarded
 
 
-def _jobs(arguments: list[str]) -> Iterator[list[str]]:
-    """The override lists of all jobs: one, or the product of a multirun's choices."""
-    multirun = _is_multirun(arguments)
-    texts, skip = [], False
-    for argument in arguments:
-        if skip or argument.startswith("-"):
-            skip = (not skip and argument in _TAKES_VALUE) or argument in ("-c", "--cfg", "-p")
-            continue
-        texts.append(argument)
-    try:
-        parsed = OverridesParser.create().parse_overrides(texts)
-    except HydraException as error:
-        raise ConfigError(one_line(error)) from None
-    choices: list[list[str]] = []
-    for override, text in zip(parsed, texts, strict=True):
-        if multirun and override.is_sweep_override():
-            key = override.get_key_element()
-            choices.append([f"{key}={value}" for value in override.sweep_string_iterator()])
-        else:
-            choices.append([text])
-    for job in itertools.product(*choices):
-        yield list(job)
-
-
-def _quote_numeric_names(arguments: list[str]) -> list[str]:
-    """`scenario=1` as `scenario='1'`: Hydra takes a bare number for an int, not for a name."""
-    quoted = []
-    for argument in arguments:
-        group, equals, _ = argument.partition("=")
-        if equals and (CONF / group).is_dir() and re.fullmatch(r"\w+", group):
-            try:
-                (override,) = OverridesParser.create().parse_overrides([argument])
-                values = list(override.sweep_iterator()) if override.is_sweep_override() else None
-                if values is not None:
-                    argument = f"{group}=" + ",".join(f"'{value}'" for value in values)
-                elif isinstance(override.value(), int | float):
-                    argument = f"{group}='{override.value()}'"
-            except HydraException:
-                pass  # reported with all other bad overrides
-        quoted.append(argument)
-    return quoted
+def _of_job(error: Exception) -> Exception:
+    """An error of a multirun's job names the job."""
+    run = HydraConfig.get()
+    if run.mode != RunMode.MULTIRUN:
+        return error
+    return MannError(
+        f"job {run.job.num} ({' '.join(map(as_typed, run.overrides.task))}): {one_line(error)}"
+    )
 
 
 def reject_unknown(cfg: Any, schema: type, where: str = "") -> None:
@@ -189,7 +171,3 @@ def _check_options(arguments: list[str]) -> None:
         name = argument.partition("=")[0]
         if name.startswith("-") and name not in known:
             raise ConfigError(f"unknown option '{name}'; see --help")
-
-
-def _is_multirun(arguments: list[str]) -> bool:
-    return any(a in ("-m", "--multirun") for a in arguments)

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING
 
+import numpy as np
+
+from ..runs.figures import beside
 from .elasticities import Findings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 STYLES = ("--", "-.", ":", (0, (5, 1)), (0, (1, 1)), (0, (3, 1, 1, 1)))
 COLOURS = ("tab:red", "tab:blue", "tab:green", "tab:purple", "tab:orange", "tab:brown")
@@ -16,6 +21,8 @@ def landscapes(findings: Findings, title: str) -> Figure:
     count = len(findings.labels)
     columns = min(3, count)
     lines = -(-count // columns)
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(4.6 * columns, 3.6 * lines + 0.8), layout="constrained")
     axes = figure.subplots(lines, columns, squeeze=False).reshape(-1)
     shown = [
@@ -50,7 +57,9 @@ def landscapes(findings: Findings, title: str) -> Figure:
 
 def norms(findings: Findings, title: str) -> Figure:
     """Norm of the mean gradient against the horizon."""
-    figure = Figure(figsize=(6.5, 4.2), layout="constrained")
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 4.2), layout="constrained")
     ax = figure.subplots()
     for mode, series in findings.norms.items():
         horizon, norm = zip(*series, strict=True)
@@ -60,6 +69,6 @@ def norms(findings: Findings, title: str) -> Figure:
     ax.set_xlabel("horizon [s]")
     ax.set_ylabel("norm of the elasticities")
     ax.grid(alpha=0.3, which="both")
-    ax.legend(fontsize="small")
+    beside(ax, fontsize="small")
     ax.set_title(title)
     return figure

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from ..runs.figures import COLOURS
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MORE_COLOURS = (*COLOURS, "tab:brown", "tab:gray", "tab:olive")
 
@@ -19,6 +22,8 @@ def errors_over_time(
 
     A function begins at each of `starts`, called by its name above.
     """
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(11, 7), layout="constrained")
     top, bottom = figure.subplots(2, 1, sharex=True)
     base_name, base = next(iter(lines.items()))
@@ -45,6 +50,8 @@ def learning_curves(
     runs: Mapping[str, np.ndarray], iterations: Mapping[str, int], chance: float
 ) -> Figure:
     """Cross entropy (seeds, points) by variant: the mean, and the range over seeds."""
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(9, 5), layout="constrained")
     ax = figure.subplots()
     for colour, (name, losses) in zip(MORE_COLOURS, runs.items(), strict=False):

@@ -52,3 +52,10 @@ def measured(
 def after_each_switch(cfg: OnlineRegressionConfig, squared: Tensor) -> np.ndarray:
     """RMSE (visits, B) over the window at the start of each visit."""
     return squared[:, : round(cfg.window / cfg.dt)].mean(dim=1).sqrt().numpy()
+
+
+def in_blocks(rmse: np.ndarray, block: int) -> np.ndarray:
+    """RMSE (visits, samples) over `block` samples each, as one row."""
+    whole = rmse.size // block * block
+    blocks: np.ndarray = np.sqrt((rmse.reshape(-1)[:whole].reshape(-1, block) ** 2).mean(axis=1))
+    return blocks

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import torch
-from matplotlib.figure import Figure
-from torch.utils.tensorboard import SummaryWriter
 
 from mann_torch.memory import MemoryTrace, reallocation_log
 from mann_torch.statistics import mean_and_half
 
 from ..runs.figures import save
 from ..runs.life import finish
-from ..runs.recording import MAX_POINTS, flat_settings, log_summary
+from ..runs.recording import MAX_POINTS, log_summary, summary_writer, telling_settings
 from ..runs.writing import csv_text, write_arrays, write_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class Measure(NamedTuple):
@@ -158,10 +158,10 @@ def write_pictures(folder: Path, cfg: Any, report: Report, figures: Mapping[str,
         name for name in report.comparison.header if name + "_half" in report.comparison.header
     )
     place = report.comparison.header.index(measure)
-    with SummaryWriter(str(folder)) as writer:
+    with summary_writer(folder) as writer:
         for tag, values in report.curves.items():
             stride = -(-len(values) // MAX_POINTS)
             for step in range(0, len(values), stride):
                 writer.add_scalar(tag, float(values[step]), step)
         results = {f"result/{r[0]}/{measure}": float(str(r[place])) for r in report.comparison.rows}
-        log_summary(writer, flat_settings(asdict(cfg)), results, figures)
+        log_summary(writer, telling_settings(cfg), results, figures)

@@ -27,7 +27,7 @@ class GoldenFile:
     """SRMSE x 10^3 [joint 1, joint 2, joint 1 t > 10 s, joint 2 t > 10 s] by run and draw."""
 
     path: Path
-    runs: dict[tuple[str, str], np.ndarray]  # (scenario, variant) -> (draws, 4)
+    runs: dict[tuple[str, str], dict[int, np.ndarray]]  # (scenario, variant) -> draw -> (4,)
 
 
 @dataclass(frozen=True)
@@ -63,30 +63,44 @@ def golden_file(cfg: ReproduceConfig) -> GoldenFile | None:
     try:
         scenarios: dict[str, Any] = json.loads(path.read_text())["scenarios"]
         runs = {
-            (scenario, variant): np.array(
-                [draws[key]["srmse"] for key in sorted(draws, key=int)], dtype=np.float64
-            )
+            (scenario, variant): {int(draw): _figures(draws[draw]) for draw in draws}
             for scenario, variants in scenarios.items()
             for variant, draws in variants.items()
         }
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise ConfigError(f"golden file '{path}' cannot be read: {error}") from None
-    if not any(len(draws) > cfg.initial.draw for draws in runs.values()):
-        raise ConfigError(f"golden file '{path}' has no draw {cfg.initial.draw} (initial.draw)")
+    held = sorted(set().union(*runs.values()))
+    if not set(held) & set(_asked(cfg)):
+        first, last = _asked(cfg)[0], _asked(cfg)[-1]
+        raise ConfigError(
+            f"golden file '{path}' has no draw {first} to {last} (initial.draw, draws); "
+            f"it has {'draws ' + ', '.join(map(str, held)) if held else 'none'}"
+        )
     return GoldenFile(path, runs)
+
+
+def _asked(cfg: ReproduceConfig) -> range:
+    return range(cfg.initial.draw, cfg.initial.draw + max(cfg.draws, 1))
+
+
+def _figures(run: dict[str, Any]) -> np.ndarray:
+    figures = np.array(run["srmse"], dtype=np.float64)
+    if figures.shape != (4,):
+        raise ValueError(f"srmse = {run['srmse']}: not four numbers")
+    return figures
 
 
 def checks(golden: GoldenFile, results: Results, cfg: ReproduceConfig) -> list[Check]:
     """Every golden run that was simulated, over the draws that both have."""
     found = []
-    for (scenario, variant), expected in golden.runs.items():
-        first = cfg.initial.draw
-        expected = expected[first : first + cfg.draws]
-        if not results.has(scenario, variant) or len(expected) == 0:
+    for (scenario, variant), known in golden.runs.items():
+        rows = [row for row, draw in enumerate(_asked(cfg)) if draw in known]
+        if not results.has(scenario, variant) or not rows:
             continue
+        expected = np.array([known[cfg.initial.draw + row] for row in rows])
         ours = np.concatenate(
             [results.srmse(scenario, variant, m) for m in ("srmse", "srmse_after_10s")], axis=1
-        )[: len(expected)]
+        )[rows]
         single = float(np.abs(100 * (ours / expected - 1)).max())
         mean = float(np.abs(100 * (ours.mean(axis=0) / expected.mean(axis=0) - 1)).max())
         allowed = SINGLE_SWITCHING if variant.startswith("reallocating") else SINGLE

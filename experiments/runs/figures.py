@@ -5,14 +5,21 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+
+from mann_torch.errors import ConfigError
 
 from .writing import write_bytes
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 Arrays = Mapping[str, np.ndarray]
+FORMATS = ("png", "pdf", "svg")
+DPI = 110
 COLOURS = ("tab:red", "tab:blue", "tab:green", "tab:purple", "tab:orange")
 
 
@@ -35,15 +42,35 @@ def with_resets(run: Arrays) -> dict[str, np.ndarray]:
     return {**run, "reset": np.where(new, run["attended"], -1)}
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a PNG, whole or not at all."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=110)
-    write_bytes(path, buffer.getvalue())
+def formats_of(given: Any) -> tuple[str, ...]:
+    """Picture formats from a list or from names with commas. Raises `ConfigError`."""
+    names = given.split(",") if isinstance(given, str) else given
+    if not isinstance(names, list | tuple) or not names:
+        raise ConfigError(f"output.format = {given}: choose from {', '.join(FORMATS)}")
+    found = [str(name).strip() for name in names]
+    for name in found:
+        if name not in FORMATS:
+            raise ConfigError(f"output.format: no '{name}'; choose from {', '.join(FORMATS)}")
+    return tuple(dict.fromkeys(found))
+
+
+def save(figure: Figure, path: Path, formats: Sequence[str] = ("png",), dpi: float = DPI) -> None:
+    """Write a picture in each format, every file whole or not at all."""
+    for name in formats:
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format=name, dpi=dpi)
+        write_bytes(path.with_suffix(f".{name}"), buffer.getvalue())
+
+
+def beside(ax: Axes, *given: Any, **options: Any) -> None:
+    """A legend to the right of an axis, off the data."""
+    ax.legend(*given, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, **options)
 
 
 def joint_angles(runs: Mapping[str, Arrays], title: str) -> Figure:
     """x_1 and x_2 of several controllers over the reference, and their errors below."""
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(11, 6.2), layout="constrained")
     axes = figure.subplots(2, 2, sharex=True)
     for joint in range(2):
@@ -68,6 +95,8 @@ def joint_angles(runs: Mapping[str, Arrays], title: str) -> Figure:
 
 def features_and_read(runs: Mapping[str, Arrays], title: str) -> Figure:
     """sigma and h_o, one line a neuron, one column a controller."""
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(5.5 * len(runs), 5.5), layout="constrained")
     axes = figure.subplots(2, len(runs), sharex=True, sharey="row", squeeze=False)
     for column, (name, run) in enumerate(runs.items()):
@@ -85,33 +114,77 @@ def features_and_read(runs: Mapping[str, Arrays], title: str) -> Figure:
     return figure
 
 
+def torques(runs: Mapping[str, Arrays], title: str) -> Figure:
+    """tau_1 and tau_2 of several controllers against time."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 5.5), layout="constrained")
+    axes = figure.subplots(2, 1, sharex=True)
+    for joint, ax in enumerate(axes):
+        for colour, (name, run) in zip(COLOURS, runs.items(), strict=False):
+            ax.plot(run["t"], run["torque"][:, joint], color=colour, lw=0.8, label=name)
+        ax.set_ylabel(rf"$\tau_{joint + 1}$ [N m]")
+        _mark_jumps(ax, next(iter(runs.values())))
+        _drop_start(ax, [(run["t"], run["torque"][:, joint]) for run in runs.values()])
+    axes[-1].set_xlabel("t [s]")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    figure.suptitle(title)
+    return figure
+
+
+def is_soft(weights: np.ndarray) -> bool:
+    """Whether attention (K, ..., S) is spread over slots rather than on one at a time."""
+    return bool(((weights > 0.0) & (weights < 1.0)).any())
+
+
 def attention_timeline(runs: Mapping[str, Arrays], title: str) -> Figure:
-    """Attended slot and reallocations of each controller, over the masses."""
+    """What each controller attends to: a slot and reallocations, or weights; over the masses."""
+    from matplotlib.figure import Figure
+
     with_slots = {name: run for name, run in runs.items() if "attended" in run}
     figure = Figure(figsize=(10, 1.6 + 1.7 * len(with_slots)), layout="constrained")
     axes = figure.subplots(len(with_slots) + 1, 1, sharex=True, squeeze=False)[:, 0]
     for ax, (name, run) in zip(axes, with_slots.items(), strict=False):
-        n_slots = run["weights"].shape[-1]
-        ax.plot(run["t"], run["attended"] + 1, ".", ms=1.5, color="tab:blue")
-        resets = run["t"][1:][np.diff(run["reallocations"]) > 0]
-        ax.vlines(resets, 0.5, n_slots + 0.5, color="tab:red", lw=0.6, alpha=0.7)
-        total = int(run["reallocations"][-1])
-        ax.set_title(f"{name}: attended slot, {total} reallocations (red)", fontsize="medium")
-        ax.set_yticks(range(1, n_slots + 1))
-        ax.set_ylim(0.5, n_slots + 0.5)
-        ax.set_ylabel("slot")
+        if is_soft(run["weights"]):
+            _weights(ax, run, name)
+        else:
+            _slots(ax, run, name)
     first = next(iter(runs.values()))
     for joint, colour in enumerate(COLOURS[:2]):
         axes[-1].step(first["t"], first["masses"][:, joint], where="post", color=colour)
-    axes[-1].legend(["$m_1$", "$m_2$"], loc="upper right", fontsize="small")
+    beside(axes[-1], ["$m_1$", "$m_2$"], fontsize="small")
     axes[-1].set_ylabel("mass [kg]")
     axes[-1].set_xlabel("t [s]")
     figure.suptitle(title)
     return figure
 
 
+def _slots(ax: Axes, run: Arrays, name: str) -> None:
+    n_slots = run["weights"].shape[-1]
+    ax.plot(run["t"], run["attended"] + 1, ".", ms=1.5, color="tab:blue")
+    resets = run["t"][1:][np.diff(run["reallocations"]) > 0]
+    ax.vlines(resets, 0.5, n_slots + 0.5, color="tab:red", lw=0.6, alpha=0.7)
+    total = int(run["reallocations"][-1])
+    ax.set_title(f"{name}: attended slot, {total} reallocations (red)", fontsize="medium")
+    ax.set_yticks(range(1, n_slots + 1))
+    ax.set_ylim(0.5, n_slots + 0.5)
+    ax.set_ylabel("slot")
+
+
+def _weights(ax: Axes, run: Arrays, name: str) -> None:
+    shares = run["weights"].T
+    labels = [f"slot {slot + 1}" for slot in range(len(shares))]
+    ax.stackplot(run["t"], shares, labels=labels, colors=COLOURS, edgecolor="w", lw=0.3)
+    ax.set_title(f"{name}: attention weights, one on the other", fontsize="medium")
+    ax.set_ylabel("$w_r$")
+    ax.set_ylim(0.0, 1.0)
+    beside(ax, fontsize="small")
+
+
 def against_paper(rows: Sequence[tuple[str, float, float, float]], title: str) -> Figure:
     """Every published figure beside ours: rows of (label, paper, mean, half-width)."""
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(8, 0.24 * len(rows) + 1.2), layout="constrained")
     ax = figure.subplots()
     y = np.arange(len(rows))[::-1]
@@ -134,6 +207,19 @@ def _fit_after_start(ax: Axes, curves: Sequence[tuple[np.ndarray, np.ndarray]]) 
     late = [np.abs(y[t > 5.0]).max() for t, y in curves if t[-1] > 5.0]
     if late:
         ax.set_ylim(-1.2 * max(late), 1.2 * max(late))
+        ax.set_title("scaled to t > 5 s", fontsize="small", loc="right")
+
+
+def _drop_start(ax: Axes, curves: Sequence[tuple[np.ndarray, np.ndarray]]) -> None:
+    """Scale the axis by what comes after 5 s where what comes before would flatten it."""
+    late = np.concatenate([y[(t > 5.0) & np.isfinite(y)] for t, y in curves])
+    every = np.concatenate([y[np.isfinite(y)] for _, y in curves])
+    if not len(late):
+        return
+    low, high = late.min(), late.max()
+    width = max(high - low, 1e-9)
+    if np.ptp(every) > 2.0 * width:
+        ax.set_ylim(low - 0.3 * width, high + 0.3 * width)
         ax.set_title("scaled to t > 5 s", fontsize="small", loc="right")
 
 

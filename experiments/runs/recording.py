@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 import torch
-from matplotlib.figure import Figure
-from torch.utils.tensorboard import SummaryWriter
-from torch.utils.tensorboard.summary import hparams
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import OmegaConf
 
 from mann_torch import Trajectory, reallocations, srmse, switches
 from mann_torch.simulation import ClosedLoop, Scenario, attended_slot, observe
 
+from ..command.cli import compose_job
+from ..command.overrides import as_typed
 from ..settings.config import SimulateConfig
+from .figures import is_soft
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from torch.utils.tensorboard import SummaryWriter
+
+#: Settings of where and how results are written: they tell nothing about a run.
+WRITING = ("run_dir", "output.", "workers", "figures=", "tensorboard=")
+#: What a run of `simulate` is of.
+IDENTITY = ("scenario/name", "controller/name", "keys/name")
+Writer: TypeAlias = "SummaryWriter"
 #: TensorBoard is for looking: at most this many points a curve. The record is the .npz file.
 MAX_POINTS = 2000
 
@@ -65,6 +77,13 @@ def signal_arrays(
     return arrays
 
 
+def summary_writer(folder: Path) -> Writer:
+    """TensorBoard's writer; tensorboard is imported where something is logged."""
+    from torch.utils.tensorboard import SummaryWriter
+
+    return SummaryWriter(str(folder))
+
+
 def log_run(
     folder: Path,
     cfg: SimulateConfig,
@@ -72,8 +91,11 @@ def log_run(
     metrics: Mapping[str, Any],
     figures: Mapping[str, Figure],
 ) -> None:
-    """TensorBoard: curves against time in ms, figures, and the settings with their results."""
-    with SummaryWriter(str(folder)) as writer:
+    """TensorBoard: curves against time in ms, figures, and the settings with their results.
+
+    In a folder named by what was asked for, which is how TensorBoard lists runs.
+    """
+    with summary_writer(folder / run_name()) as writer:
         stride = -(-len(arrays["t"]) // MAX_POINTS)
         steps = np.round(arrays["t"][::stride] * 1000).astype(int).tolist()
         for tag, values in _curves(arrays):
@@ -83,16 +105,18 @@ def log_run(
             f"metrics/srmse_{joint + 1}": float(np.mean([row[joint] for row in metrics["srmse"]]))
             for joint in range(2)
         }
-        log_summary(writer, flat_settings(asdict(cfg)), results, figures)
+        log_summary(writer, telling_settings(cfg, IDENTITY), results, figures)
 
 
 def log_summary(
-    writer: SummaryWriter,
+    writer: Writer,
     settings: Mapping[str, Any],
     results: Mapping[str, float],
     figures: Mapping[str, Figure],
 ) -> None:
     """Figures, results as scalars, and the settings (flat) with them as hparams."""
+    from torch.utils.tensorboard.summary import hparams
+
     for name, figure in figures.items():
         writer.add_figure(name, figure, close=False)
     # add_hparams would open a second run named by the time of day.
@@ -110,10 +134,42 @@ def _curves(arrays: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
             for name in ("error", "torque"):
                 tag = f"draw{draw}/{name}_{joint + 1}"
                 curves.append((tag, arrays[name][:, draw, joint]))
+        soft = "weights" in arrays and is_soft(arrays["weights"][:, draw])
+        if soft:
+            for slot in range(arrays["weights"].shape[-1]):
+                curve = arrays["weights"][:, draw, slot]
+                curves.append((f"draw{draw}/weight_{slot + 1}", curve))
         for name in ("attended", "reallocations"):
-            if name in arrays:
+            if name in arrays and not soft:
                 curves.append((f"draw{draw}/{name}", arrays[name][:, draw]))
     return curves
+
+
+def _asked_for() -> list[str]:
+    """This run's overrides as they were typed, without where and how results are written."""
+    if not HydraConfig.initialized():
+        return []
+    overrides = map(as_typed, HydraConfig.get().overrides.task)
+    return [o for o in overrides if not o.lstrip("+~").startswith(WRITING)]
+
+
+def run_name() -> str:
+    """What was asked for as a folder's name, empty where nothing was."""
+    return re.sub(r"[^\w=,.+~-]+", "_", ",".join(_asked_for()))[:120].strip("_")
+
+
+def telling_settings(cfg: Any, always: Sequence[str] = ()) -> dict[str, Any]:
+    """The settings that differ from the command's own or were named by the user, by flat name."""
+    flat = flat_settings(asdict(cfg))
+    if not HydraConfig.initialized():
+        return flat
+    own_cfg = compose_job(str(HydraConfig.get().job.config_name), [])
+    usual = flat_settings(cast(dict[str, Any], OmegaConf.to_container(own_cfg, resolve=True)))
+    keys = [o.lstrip("+~").partition("=")[0].replace(".", "/") for o in _asked_for()]
+    named = {*keys, *(f"{key}/name" for key in keys), *always}
+    own = [name for name in flat if name in named or flat[name] != usual.get(name)]
+    kept = [name for name in own if not name.replace("/", ".").startswith(WRITING)]
+    return {name: flat[name] for name in sorted(kept, key=lambda name: name not in always)}
 
 
 def flat_settings(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

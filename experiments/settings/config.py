@@ -100,6 +100,8 @@ class OutputConfig:
     sample_dt: float = 0.05
     member: int = 0  # whose pictures: 0 to draws - 1
     figures: bool = True
+    format: Any = "png"  # of the pictures: png, pdf, svg, or a list of them
+    dpi: float = 110.0
     tensorboard: bool = True
 
 

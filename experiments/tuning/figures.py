@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from mann_torch.tuning import Score
 
+from ..runs.figures import beside
 from .held_out import PEAK_LIMIT, START, Candidate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 COLOURS = ("tab:red", "tab:blue", "tab:green", "tab:purple", "tab:orange", "tab:brown", "tab:pink")
 
@@ -19,7 +22,9 @@ def progress_curves(
     history: Sequence[Mapping[str, Any]], labels: Sequence[str], starts: Sequence[float]
 ) -> Figure:
     """Objective and every coordinate's constant, relative to its start, against iterations."""
-    figure = Figure(figsize=(11, 4.2), layout="constrained")
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2)
     steps = [row["iteration"] + 1 for row in history]
     left.plot(steps, [row["objective"] for row in history], color="k", lw=1.2)
@@ -33,7 +38,7 @@ def progress_curves(
         )
     right.set_yscale("log")
     right.set_ylabel("constant / start")
-    right.legend(fontsize="x-small")
+    beside(right, fontsize="x-small")
     for ax in (left, right):
         ax.set_xlabel("iteration")
         ax.grid(alpha=0.3)
@@ -48,9 +53,11 @@ def pareto(
     Grid points are grey, hollow where their peak torque is over the limit; a line joins those that
     no other grid point within the limit beats.
     """
+    from matplotlib.figure import Figure
+
     columns = min(2, len(scores))
     lines = -(-len(scores) // columns)
-    figure = Figure(figsize=(5.6 * columns, 4.2 * lines + 0.6), layout="constrained")
+    figure = Figure(figsize=(7.4 * columns, 4.2 * lines + 0.6), layout="constrained")
     axes = figure.subplots(lines, columns, squeeze=False).reshape(-1)
     names = [candidate.name for candidate in candidates]
     for ax, (scenario, score) in zip(axes, scores.items(), strict=False):
@@ -82,7 +89,7 @@ def pareto(
         ax.set_title(f"scenario {scenario}")
         ax.set_xlabel("RMS torque rate / start")
         ax.set_ylabel("SRMSE / start")
-        ax.legend(fontsize="x-small")
+        beside(ax, fontsize="x-small")
     for ax in axes[len(scores) :]:
         ax.set_axis_off()
     figure.suptitle(title)

@@ -21,6 +21,7 @@ from experiments.reproduction.plan import Job, plan
 from experiments.reproduction.results import Results
 from experiments.runs.intervals import interval
 from experiments.settings.config import ReproduceConfig, RowConfig, SimulateConfig, TableConfig
+from mann_torch.errors import ConfigError
 from tests.conftest import GOLDEN
 from tests.experiments.command import exit_code
 
@@ -230,7 +231,7 @@ def test_a_golden_mean_may_be_off_only_half_as_far_as_a_switching_run() -> None:
     cfg = config(f"initial.weights_file={GOLDEN / 'initial_weights.npz'}", "draws=3")
     golden = golden_file(cfg)
     assert golden is not None
-    expected = golden.runs[("1", "reallocating_initial")]
+    expected = np.array(list(golden.runs[("1", "reallocating_initial")].values()))
     for factors, passed in (([1.025, 0.99, 1.0], True), ([1.02, 1.02, 1.02], False)):
         off = expected * np.array(factors)[:, None]
         result = made_up("reallocating_initial", {"1": off[:, :2].tolist()})
@@ -244,12 +245,34 @@ def test_golden_check_allows_one_and_a_half_percent(error: float, passed: bool) 
     cfg = config(f"initial.weights_file={GOLDEN / 'initial_weights.npz'}", "draws=3")
     golden = golden_file(cfg)
     assert golden is not None
-    expected = golden.runs[("1", "nn")]
+    expected = np.array(list(golden.runs[("1", "nn")].values()))
     result = made_up("nn", {"1": (expected[:, :2] * (1 + error / 100)).tolist()})
     after = 1e-3 * expected[None, :, 2:]
     object.__setattr__(result, "srmse_after_10s", after)
     (check,) = checks(golden, Results([result]), cfg)
     assert check.single == pytest.approx(error) and check.passed is passed
+
+
+def test_golden_draws_are_matched_by_number(tmp_path: Path) -> None:
+    figures = {draw: [10.0 + draw, 4.0 + draw, 9.0 + draw, 3.0 + draw] for draw in range(3, 10)}
+    written = {str(draw): {"srmse": figures[draw]} for draw in (9, 3, 4, 8, 5, 7)}  # not draw 6
+    path = tmp_path / "srmse.json"
+    path.write_text(json.dumps({"scenarios": {"1": {"nn": written}}}))
+    for first, draws in ((3, 7), (5, 3), (2, 2), (9, 5)):
+        cfg = config(
+            WEIGHTS, f"golden.srmse_file={path}", f"initial.draw={first}", f"draws={draws}"
+        )
+        golden = golden_file(cfg)
+        assert golden is not None
+        ours = np.array([figures.get(draw, [1.0] * 4) for draw in range(first, first + draws)])
+        result = made_up("nn", {"1": ours[:, :2].tolist()})
+        object.__setattr__(result, "srmse_after_10s", 1e-3 * ours[None, :, 2:])
+        (check,) = checks(golden, Results([result]), cfg)
+        assert check.single == pytest.approx(0.0, abs=1e-9)
+    for first in (0, 10):
+        with pytest.raises(ConfigError, match="it has draws 3, 4, 5, 7, 8, 9"):
+            asked = [f"initial.draw={first}", "draws=3"]
+            golden_file(config(WEIGHTS, f"golden.srmse_file={path}", *asked))
 
 
 def test_claims_follow_the_numbers() -> None:

@@ -3,6 +3,8 @@
 import importlib
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +13,19 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from tensorboard.plugins.hparams.plugin_data_pb2 import HParamsPluginData
 
 from experiments import simulate
 from experiments.command import cli
-from experiments.command.conf_files import group_names
+from experiments.command.conf_files import CONF, group_names
 from experiments.command.help_texts import HELP
+from experiments.command.overrides import jobs_of, quote_numeric_names
+from experiments.runs.figures import attention_timeline
 from tests.conftest import GOLDEN
 from tests.experiments.command import exit_code
 
-PICTURES = {"joint_angles", "features_and_read", "attention", "memory"}
+ROOT = Path(__file__).parents[2]
+PICTURES = {"joint_angles", "torques", "features_and_read", "attention", "memory"}
 WEIGHTS = f"initial.weights_file={GOLDEN / 'initial_weights.npz'}"
 
 
@@ -58,9 +64,10 @@ def test_tensorboard_holds_curves_figures_and_settings_in_one_run(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert run(monkeypatch, "controller=hard", "horizon=0.5", f"run_dir={folder}") == 0
+    named = folder / "controller=hard,horizon=0.5"  # by what was asked for, none by the time
     events = list(folder.rglob("events.out.tfevents.*"))
-    assert [path.parent for path in events] == [folder]  # no sub-run named by the time
-    accumulator = EventAccumulator(str(folder), size_guidance={"scalars": 0}).Reload()
+    assert [path.parent for path in events] == [named]
+    accumulator = EventAccumulator(str(named), size_guidance={"scalars": 0}).Reload()
     tags = accumulator.Tags()
     assert {"draw0/error_1", "draw0/torque_2", "draw0/attended"} <= set(tags["scalars"])
     assert len(accumulator.Scalars("draw0/error_1")) == 11
@@ -68,6 +75,56 @@ def test_tensorboard_holds_curves_figures_and_settings_in_one_run(
     assert "_hparams_/session_start_info" in accumulator.summary_metadata
     results = json.loads((folder / "metrics.json").read_text())["srmse"][0]
     assert accumulator.Scalars("metrics/srmse_1")[0].value == pytest.approx(results[0], rel=1e-6)
+
+
+def hparams_of(folder: Path) -> set[str]:
+    """Settings in TensorBoard's table."""
+    accumulator = EventAccumulator(str(folder)).Reload()
+    content = accumulator.summary_metadata["_hparams_/session_start_info"].plugin_data.content
+    return set(HParamsPluginData.FromString(content).session_start_info.hparams)
+
+
+def test_tensorboards_table_holds_what_differs(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments = ["-m", "seed=0,3", "solver.dt=0.002", "horizon=0.05", "output.figures=false"]
+    assert run(monkeypatch, *arguments, f"run_dir={folder}") == 0
+    identity = {"scenario/name", "controller/name", "keys/name"}
+    for number, seed in enumerate((0, 3)):
+        named = folder / str(number) / f"seed={seed},solver.dt=0.002,horizon=0.05"
+        assert hparams_of(named) == identity | {"seed", "solver/dt", "horizon"}
+
+
+def test_tensorboard_shows_soft_attention_as_weights(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    quiet = ["controller=soft", "horizon=0.1", "output.figures=false"]
+    assert run(monkeypatch, *quiet, f"run_dir={folder}") == 0
+    (events,) = folder.rglob("events.out.tfevents.*")
+    tags = set(EventAccumulator(str(events.parent)).Reload().Tags()["scalars"])
+    assert {"draw0/weight_1", "draw0/weight_5"} <= tags and "draw0/attended" not in tags
+
+
+@pytest.mark.parametrize("given", ["[svg,pdf]", "svg,pdf"])
+def test_pictures_come_in_the_formats_asked_for(
+    given: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    quiet = ["controller=nn", "horizon=0.1", "output.tensorboard=false", "output.dpi=40"]
+    assert run(monkeypatch, *quiet, f"output.format={given}", f"run_dir={folder}") == 0
+    names = {path.name for path in folder.iterdir()}
+    assert {"torques.svg", "torques.pdf"} <= names and "torques.png" not in names
+
+
+def test_soft_attention_is_drawn_as_weights() -> None:
+    t = np.arange(3.0)
+    soft = np.tile([0.5, 0.3, 0.2], (3, 1))
+    run = {"t": t, "weights": soft, "attended": np.zeros(3), "masses": np.ones((3, 2))}
+    run |= {"reallocations": np.zeros(3)}
+    hard = {**run, "weights": np.tile([1.0, 0.0, 0.0], (3, 1))}
+    top, middle, _ = attention_timeline({"soft": run, "hard": hard}, "").axes
+    assert "weights" in top.get_title() and top.get_ylim() == (0.0, 1.0)
+    assert len(top.collections) == 3 and top.get_legend() is not None
+    assert "attended slot" in middle.get_title()
 
 
 def test_weights_file_gives_the_files_draw(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -133,6 +190,9 @@ BAD = [
     ("output.sample_dt=0", "sample_dt"),
     ("output.member=-1", "output.member"),
     ("draws=2 output.member=2", "output.member"),
+    ("output.format=gif", "output.format: no 'gif'; choose from png, pdf, svg"),
+    ("output.format=[]", "output.format"),
+    ("output.dpi=0", "output.dpi"),
     ("speed=3", "speed"),
     ("+speed=3", "unknown setting 'speed'"),
     ("+plant.colour=red", "unknown setting 'plant.colour'"),
@@ -239,11 +299,154 @@ def test_a_draw_out_of_range_is_named(
     assert "draws 0 to 9" in capsys.readouterr().err and not folder.exists()
 
 
+def test_a_weights_file_may_number_its_draws(
+    folder: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with np.load(GOLDEN / "initial_weights.npz") as data:
+        arrays = {name: data[name][[2, 5, 4]] for name in data.files}
+    path = tmp_path_factory.mktemp("weights") / "some.npz"
+    np.savez(path, draws=np.array([2, 5, 4]), **arrays)
+    quiet = ["controller=nn", "horizon=0.3", "output.figures=false", "initial.draw=4", "draws=2"]
+    assert run(monkeypatch, *quiet, WEIGHTS, f"run_dir={folder}/all") == 0
+    assert run(monkeypatch, *quiet, f"initial.weights_file={path}", f"run_dir={folder}/some") == 0
+    every, some = (json.loads((folder / d / "metrics.json").read_text()) for d in ("all", "some"))
+    assert some["srmse"] == every["srmse"]
+    capsys.readouterr()
+    assert run(monkeypatch, *quiet, f"initial.weights_file={path}", "initial.draw=3") == 2
+    assert "holds draws 2, 4, 5; draws 3 to 4 were asked for" in capsys.readouterr().err
+
+
 def test_one_bad_job_stops_a_multirun_before_it_starts(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(monkeypatch, "-m", "controller=nn,lstm", "horizon=0.05", f"run_dir={folder}") == 2
     assert not folder.exists()
+
+
+def test_the_error_of_one_bad_job_names_the_job(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["-m", "controller=nn,hard", "draws=1,0", "horizon=0.05", f"run_dir={folder}"]
+    assert run(monkeypatch, *arguments) == 2
+    err = capsys.readouterr().err
+    assert err == "error: job 1 (controller=nn draws=0): draws = 0: at least 1\n"
+
+
+@pytest.mark.parametrize(
+    ("argument", "words"),
+    [
+        ("controler=hard", "unknown setting 'controler'; did you mean controller?"),
+        ("solver.dtt=1e-3", "did you mean solver.dt?"),
+        ("dt=1e-3", "did you mean solver.dt?"),
+        ("memory.zzz=1", "unknown setting 'memory.zzz'; choose from n_slots, reset of memory"),
+        ("zzz=1", "choose from plant, keys, controller"),
+    ],
+)
+def test_a_typo_of_a_key_is_told_the_nearest_or_all(
+    argument: str,
+    words: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(monkeypatch, argument) == 2
+    err = capsys.readouterr().err
+    assert words in err and len(err.splitlines()) == 1
+
+
+def test_mass_jumps_beyond_the_horizon_are_said(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    quiet = ["controller=nn", "output.figures=false", "output.tensorboard=false"]
+    jumps = "scenario.mass_jumps=[[0.01,2],[0.05,2],[7,2]]"
+    assert run(monkeypatch, *quiet, "horizon=0.05", jumps, f"run_dir={folder}/a") == 0
+    err = capsys.readouterr().err
+    assert "warning: 2 of 3 mass jumps, the first at 0.05 s, come after the horizon" in err
+    jumps = "scenario.mass_jumps=[[0.01,2]]"
+    assert run(monkeypatch, *quiet, "horizon=0.05", jumps, f"run_dir={folder}/b") == 0
+    assert "warning" not in capsys.readouterr().err
+
+
+@pytest.fixture
+def own(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a scenario 7 and a controller of one's own."""
+    base = tmp_path_factory.mktemp("own")
+    for group, like, name in (("scenario", "1", "7"), ("controller", "nn", "small")):
+        text = (CONF / group / f"{like}.yaml").read_text().replace(f"name: {like}", f"name: {name}")
+        (base / group).mkdir()
+        (base / group / f"{name}.yaml").write_text(text.replace('name: "1"', 'name: "7"'))
+    return base
+
+
+@pytest.mark.parametrize("option", ["--config-dir={}", "--config-dir {}", "hydra.searchpath=[{}]"])
+def test_own_groups_are_found(
+    option: str, own: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    where = option.format(own).split(" ")
+    quiet = ["horizon=0.02", "output.figures=false", "output.tensorboard=false"]
+    chosen = ["scenario=7", "controller=small"]
+    assert run(monkeypatch, *where, *chosen, *quiet, f"run_dir={folder}") == 0
+    metrics = json.loads((folder / "metrics.json").read_text())
+    assert metrics["scenario"] == "7" and metrics["controller"] == "small"
+
+
+def test_own_groups_are_offered_and_a_missing_folder_is_named(
+    own: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, "--help", f"--config-dir={own}") == 0
+    assert "illustration" in (out := capsys.readouterr().out) and ", 6, 7, " in out
+    for option in ("--config-dir=/nowhere", "hydra.searchpath=[/nowhere]"):
+        assert run(monkeypatch, option, "scenario=7") == 2
+        assert "'/nowhere' is not a folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("python -m experiments.simulate scen", {"scenario=", "scenario."}),
+        ("mann-simulate scenario=1 solver.d", {"solver.dt=", "solver.device="}),
+        ("python3 -m experiments.simulate scenario=4", {"scenario=4", "scenario=4_offset"}),
+    ],
+)
+def test_tab_completes(
+    line: str, words: set[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COMP_LINE", line)
+    monkeypatch.setenv("COMP_POINT", str(len(line)))
+    assert run(monkeypatch, "-sc", "query=bash") == 0
+    assert words <= set(capsys.readouterr().out.split())
+
+
+def test_the_shell_is_told_how_to_complete(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, "-sc", "install=bash") == 0
+    assert "complete " in capsys.readouterr().out
+
+
+def test_help_needs_no_torch() -> None:
+    code = (
+        "import runpy, sys\nsys.argv = ['simulate', '--help']\n"
+        "try: runpy.run_module('experiments.simulate', run_name='__main__')\n"
+        "except SystemExit: print('torch' in sys.modules)"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    assert out.stdout.endswith("False\n") and "scenario=5" in out.stdout
+
+
+def test_a_run_without_pictures_imports_no_plotting(tmp_path: Path) -> None:
+    foreign = ("matplotlib", "scipy", "torchdiffeq", "tensorboard")
+    quiet = ["horizon=0.02", "output.figures=false", "output.tensorboard=false"]
+    quiet += ["solver.engine=torch", f"run_dir={tmp_path}/run"]
+    code = (
+        f"import sys\nsys.argv = {['simulate', *quiet]}\n"
+        "from experiments import simulate\nsimulate.main()\n"
+        f"print([name for name in {(*foreign, 'torch._dynamo')} if name in sys.modules])"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
+    assert out.stdout.splitlines()[-1] == "[]", out.stderr
 
 
 def test_a_finished_run_is_skipped_and_never_overwritten(
@@ -329,7 +532,7 @@ def test_help_says_what_for_and_its_examples_compose(
     assert all(name in out for names in said.choices().values() for name in names)
     for example in said.examples.values():
         assert example in out
-        for overrides in cli._jobs(cli._quote_numeric_names(example.split())):
+        for overrides in jobs_of(quote_numeric_names(example.split())):
             cli.compose_job(command, overrides)
 
 

@@ -1,4 +1,7 @@
-"""torch.compile where a C++ compiler is found, eager PyTorch where none is."""
+"""torch.compile where a C++ compiler is found, eager PyTorch where none is.
+
+`torch._dynamo` takes a second to import, and is only where something is compiled by it.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,6 @@ from collections.abc import Callable
 from typing import Any
 
 import torch
-import torch._dynamo
-from torch._dynamo.exc import TorchDynamoException
 
 log = logging.getLogger("mann_torch")
 
@@ -21,9 +22,10 @@ class CompiledOrEager:
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
+        from torch._dynamo import config
+
         # All rollouts of a process share one count of compiled shapes; 8 is too few for that.
-        limit = torch._dynamo.config.recompile_limit
-        torch._dynamo.config.recompile_limit = max(limit, 256)
+        config.recompile_limit = max(config.recompile_limit, 256)
         self._function = function
         self._compiled = torch.compile(function, fullgraph=True)
         self._proven = False
@@ -35,6 +37,8 @@ class CompiledOrEager:
         try:
             result = self._compiled(*args)
         except Exception as error:  # torch raises many kinds here, none of them documented
+            from torch._dynamo.exc import TorchDynamoException
+
             if self._proven and not isinstance(error, TorchDynamoException):
                 raise
             cause = str(error).strip().splitlines()[0] if str(error).strip() else "no message"

@@ -1,4 +1,7 @@
-"""torchdiffeq's methods behind the solver interface. The only file that imports torchdiffeq."""
+"""torchdiffeq's methods behind the solver interface. The only file that imports torchdiffeq.
+
+It brings scipy along, so that it is imported when a step is first taken.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,6 @@ from typing import Any
 
 import torch
 from torch import Tensor
-from torchdiffeq import odeint
 
 from ...errors import ConfigError, SolverError
 from .solver import Flow, Solver
@@ -81,6 +83,8 @@ class Odeint(Solver):
         return torch.stack(rows).reshape(shape)
 
     def _solve(self, flow: Flow, t: Tensor, h: Tensor, y: Tensor, moving: Tensor) -> Tensor:
+        from torchdiffeq import odeint
+
         evaluations = 0
 
         def rate(time: Tensor, state: Tensor) -> Tensor:

@@ -1,0 +1,73 @@
+"""What a command does before torch is imported: --help and tab completion need no torch."""
+
+from __future__ import annotations
+
+import atexit
+import gc
+import importlib
+import os
+import re
+import sys
+from collections.abc import Callable
+
+import hydra
+
+from .completion import script
+from .conf_files import CONF
+from .hydra_setup import register
+from .overrides import quote_numeric_names
+
+#: Options that ask something about a command, and run nothing.
+ASKING = ("--help", "-h", "--hydra-help", "--version", "--info", "-i", "--shell-completion", "-sc")
+
+
+def begin(command: str) -> None:
+    """Answer what only asks, and exit; be quick about what is imported next."""
+    # Importing and tracing make a million objects that stay: looking for garbage among them, on
+    # the way and once more at the end, would take as long as importing torch.
+    gc.set_threshold(100_000, 20, 100)
+    atexit.register(gc.freeze)
+    if asks(sys.argv[1:]):
+        answer(command)
+
+
+def asks(arguments: list[str]) -> bool:
+    """Whether a command line only asks."""
+    return any(argument.split("=")[0] in ASKING for argument in arguments)
+
+
+def answer(command: str) -> None:
+    """Let Hydra say what is asked for, and exit."""
+    register()
+    for shell in ("bash", "zsh"):
+        if f"install={shell}" in sys.argv[1:]:
+            print(script(sys.argv[0]))
+            sys.exit()
+    if "COMP_LINE" in os.environ:  # Hydra knows `python FILE` and `NAME`, not `python -m NAME`
+        line = re.sub(r"^\s*\S*python\S*\s+-m\s+(?=\S)", "", os.environ["COMP_LINE"])
+        *words, last = line.split(" ")
+        os.environ["COMP_LINE"] = " ".join([*quote_numeric_names(words), last])
+    hydra.main(version_base="1.3", config_path=str(CONF), config_name=command)(_nothing)()
+    sys.exit()
+
+
+def _nothing(cfg: object) -> None:
+    pass
+
+
+def _installed(command: str) -> Callable[[], None]:
+    def main() -> None:
+        begin(command)
+        package = __package__.rpartition(".")[0]
+        importlib.import_module(f"{package}.{command}").main()
+
+    return main
+
+
+#: Of the installed commands `mann-simulate` and so on.
+simulate = _installed("simulate")
+reproduce = _installed("reproduce")
+tune = _installed("tune")
+gradient_report = _installed("gradient_report")
+recall = _installed("recall")
+online_regression = _installed("online_regression")

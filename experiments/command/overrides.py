@@ -1,0 +1,115 @@
+"""Overrides of a command line: the jobs they make, names that are numbers, slips of the pen."""
+
+from __future__ import annotations
+
+import difflib
+import itertools
+import re
+from collections.abc import Iterator, Sequence
+
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import HydraException
+from omegaconf import DictConfig, OmegaConf
+
+from mann_torch.errors import ConfigError
+
+from .conf_files import group_folders
+
+_TAKES_VALUE = ("--config-name", "-cn", "--config-path", "-cp", "--config-dir", "-cd", "--package")
+
+
+def is_multirun(arguments: Sequence[str]) -> bool:
+    """Whether a command line asks for one."""
+    return any(a in ("-m", "--multirun") for a in arguments)
+
+
+def jobs_of(arguments: list[str]) -> Iterator[list[str]]:
+    """The override lists of all jobs: one, or the product of a multirun's choices."""
+    multirun = is_multirun(arguments)
+    texts, skip = [], False
+    for argument in arguments:
+        if skip or argument.startswith("-"):
+            skip = (not skip and argument in _TAKES_VALUE) or argument in ("-c", "--cfg", "-p")
+            continue
+        texts.append(argument)
+    try:
+        parsed = OverridesParser.create().parse_overrides(texts)
+    except HydraException as error:
+        raise ConfigError(str(error).strip().splitlines()[0]) from None
+    choices: list[list[str]] = []
+    for override, text in zip(parsed, texts, strict=True):
+        if multirun and override.is_sweep_override():
+            key = override.get_key_element()
+            choices.append([f"{key}={value}" for value in override.sweep_string_iterator()])
+        else:
+            choices.append([text])
+    for job in itertools.product(*choices):
+        yield list(job)
+
+
+def job_name(number: int, jobs: Sequence[Sequence[str]]) -> str:
+    """A multirun's job by its number and what it does not share with all others."""
+    own = [as_typed(o) for o in jobs[number] if not all(o in job for job in jobs)]
+    return f"job {number} ({' '.join(own)})"
+
+
+def as_typed(override: str) -> str:
+    """An override without the quotes of `quote_numeric_names`."""
+    return re.sub(r"^(\w+)='([^']*)'$", r"\1=\2", override)
+
+
+def quote_numeric_names(arguments: list[str]) -> list[str]:
+    """`scenario=1` as `scenario='1'`: Hydra takes a bare number for an int, not for a name.
+
+    And `output.format=png,pdf` as one text, where it is no sweep.
+    """
+    quoted = []
+    for argument in arguments:
+        group, equals, value = argument.partition("=")
+        listed = group == "output.format" and re.fullmatch(r"\w+(,\w+)+", value)
+        if listed and not is_multirun(arguments):
+            argument = f"{group}='{value}'"
+        if equals and re.fullmatch(r"\w+", group) and group_folders(group):
+            try:
+                (override,) = OverridesParser.create().parse_overrides([argument])
+                values = list(override.sweep_iterator()) if override.is_sweep_override() else None
+                if values is not None:
+                    argument = f"{group}=" + ",".join(f"'{value}'" for value in values)
+                elif isinstance(override.value(), int | float):
+                    argument = f"{group}='{override.value()}'"
+            except HydraException:
+                pass  # reported with all other bad overrides
+        quoted.append(argument)
+    return quoted
+
+
+def unknown_key(message: str, known: DictConfig) -> str | None:
+    """What to say of a key that Hydra could not override: the nearest there is, or all of them."""
+    found = re.match(r"Could not (?:override|delete from config\.) '([^']+)'", message)
+    if found is None or found.group(1).startswith("hydra"):
+        return None
+    key = found.group(1)
+    every = _keys(known)
+    if key in every:
+        return None
+    parent, _, own = key.rpartition(".")
+    inside = f"{parent}." if parent in every else ""
+    beside = [name.removeprefix(inside) for name in every if name.startswith(inside)]
+    elsewhere = [name for name in every if name.rpartition(".")[2] == own]
+    near = difflib.get_close_matches(own if inside else key, beside, n=1, cutoff=0.7)
+    close = elsewhere or [inside + name for name in near]
+    if close:
+        return f"unknown setting '{key}'; did you mean {' or '.join(close)}?"
+    names = ", ".join(name for name in beside if "." not in name)
+    return f"unknown setting '{key}'; choose from {names}" + (f" of {parent}" if inside else "")
+
+
+def _keys(node: object, prefix: str = "") -> list[str]:
+    if not isinstance(node, DictConfig) or node._is_none():
+        return []
+    found = []
+    for key in map(str, node):
+        found.append(prefix + key)
+        if not OmegaConf.is_missing(node, key) and not OmegaConf.is_interpolation(node, key):
+            found += _keys(node[key], f"{prefix}{key}.")
+    return found
