@@ -23,10 +23,10 @@ from .building.ensembles import ensemble_of
 from .command.cli import command_line, reject_unknown, run_cli
 from .gradients.elasticities import Findings, difference_name, estimate_all
 from .gradients.figures import landscapes, norms
+from .records.recording import log_summary, summary_writer, telling_settings
 from .runs.figures import save
 from .runs.life import finish
 from .runs.progress import progress_bar
-from .runs.recording import log_summary, summary_writer, telling_settings
 from .runs.writing import csv_text, write_text
 from .settings.config import ConstantsConfig, SimulateConfig
 from .settings.study_config import GradientReportConfig

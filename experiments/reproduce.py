@@ -20,6 +20,7 @@ from omegaconf import OmegaConf
 from mann_torch.errors import ConfigError
 
 from .command.cli import FAILED, command_line, reject_unknown, run_cli
+from .records.recording import log_summary, summary_writer
 from .reproduction import golden as gold
 from .reproduction import tables
 from .reproduction.claims import Finding, findings
@@ -29,7 +30,6 @@ from .reproduction.results import Results
 from .reproduction.tables import Cell
 from .runs import figures as pictures
 from .runs.life import finish
-from .runs.recording import log_summary, summary_writer
 from .runs.writing import aligned, csv_text, write_arrays, write_text
 from .settings.config import ReproduceConfig
 

@@ -25,6 +25,7 @@ from mann_torch.simulation.step_grid import StepGrid
 from .building.build import Experiment, build
 from .building.masses import late_jumps
 from .command.cli import command_line, reject_unknown, run_cli
+from .records.recording import log_run, metrics_of, signal_arrays
 from .runs.figures import (
     Arrays,
     attention_timeline,
@@ -38,7 +39,6 @@ from .runs.figures import (
 )
 from .runs.life import finish
 from .runs.progress import progress_bar
-from .runs.recording import log_run, metrics_of, signal_arrays
 from .runs.writing import write_arrays
 from .settings.config import SimulateConfig
 

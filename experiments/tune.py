@@ -23,12 +23,12 @@ from mann_torch.tuning import Coordinates, Ensemble, GradientSettings, Objective
 
 from .building.ensembles import check_names, tuned_ensemble
 from .command.cli import command_line, reject_unknown, run_cli
+from .records.recording import Writer, log_summary, summary_writer, telling_settings
 from .runs import checkpoints
 from .runs.figures import save
 from .runs.intervals import Interval
 from .runs.life import finish
 from .runs.progress import progress_bar
-from .runs.recording import Writer, log_summary, summary_writer, telling_settings
 from .runs.writing import csv_text, write_json, write_text
 from .settings.study_config import TuneConfig
 from .tuning import held_out

@@ -108,6 +108,7 @@ ROOMS = (
     ("settings",),
     ("runs",),
     ("command",),
+    ("records",),
     ("building",),
     ("reproduction", "gradients", "tuning", "learning"),
     ("benchmarking",),

@@ -13,9 +13,9 @@ import torch
 from mann_torch.memory import MemoryTrace, reallocation_log
 from mann_torch.statistics import mean_and_half
 
+from ..records.recording import MAX_POINTS, log_summary, summary_writer, telling_settings
 from ..runs.figures import save
 from ..runs.life import finish
-from ..runs.recording import MAX_POINTS, log_summary, summary_writer, telling_settings
 from ..runs.writing import csv_text, write_arrays, write_text
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from mann_torch.simulation.step_grid import StepGrid
 from ..building.batching import side_by_side
 from ..building.build import Experiment, build
 from ..building.ensembles import composed
-from ..runs.recording import metrics_of, signal_arrays
+from ..records.recording import metrics_of, signal_arrays
 from ..runs.workers import in_parallel
 from ..settings.config import ReproduceConfig, SimulateConfig
 from .plan import Job
