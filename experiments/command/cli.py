@@ -24,8 +24,11 @@ from omegaconf.errors import OmegaConfBaseException
 
 from mann_torch.errors import ConfigError, MannError
 
+from ..sweeps.jobs import part_of_sweep
+from ..sweeps.launchers import check_launcher
+from ..sweeps.report import end_of_sweep
 from .conf_files import CONF
-from .hydra_setup import register
+from .hydra_setup import register, swept
 
 register()
 
@@ -38,21 +41,31 @@ _TAKES_VALUE = ("--config-name", "-cn", "--config-path", "-cp", "--config-dir", 
 
 def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[Any], None]) -> None:
     """Check every job of the command line, then let Hydra run `task` on each."""
+    command = shlex.join(["python", "-m", f"experiments.{config_name}", *sys.argv[1:]])
+    configurations: list[Any] = []
+    swept.clear()
     arguments = _quote_numeric_names(sys.argv[1:])
     sys.argv[1:] = arguments
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name=config_name)
     if not any(a.split("=")[0] in _PASS_THROUGH for a in arguments):
         try:
+            check_launcher(arguments)
             jobs = list(_jobs(arguments))
             for overrides in jobs:
                 cfg = compose_job(config_name, overrides)
                 check(cfg)
+                configurations.append(cfg)
                 _check_run_dir(cfg)
             _check_sweep(arguments, jobs)
         except Exception as error:  # whatever a setting breaks, it is one line and no folder
             fail(error, BAD_INPUT)
     try:
-        entry(_guarded(task))()
+        try:
+            entry(_guarded(task))()
+        finally:  # after Ctrl-C too
+            failed = end_of_sweep(swept[0], configurations, command) if swept else 0
+        if failed:
+            fail(MannError(f"{failed} of {len(configurations)} jobs failed"), FAILED)
     except KeyboardInterrupt:
         fail(MannError("interrupted; what was finished has been written"), INTERRUPTED)
 
@@ -87,8 +100,9 @@ def command_line(module: str) -> str:
 def _guarded(task: Callable[[Any], None]) -> Callable[[Any], None]:
     def guarded(cfg: Any) -> None:
         try:
-            _refuse_finished_run(Path(HydraConfig.get().runtime.output_dir))
-            task(cfg)
+            with part_of_sweep(_one_line):
+                _refuse_finished_run(Path(HydraConfig.get().runtime.output_dir))
+                task(cfg)
         except ConfigError as error:
             fail(error, BAD_INPUT)
         except MannError as error:
