@@ -63,7 +63,8 @@ def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[An
         try:
             entry(_guarded(task))()
         finally:  # after Ctrl-C too
-            failed = end_of_sweep(swept[0], configurations, command) if swept else 0
+            began = _is_multirun(arguments) and swept and swept[0].is_dir()
+            failed = end_of_sweep(swept[0], configurations, command) if began else 0
         if failed:
             fail(MannError(f"{failed} of {len(configurations)} jobs failed"), FAILED)
     except KeyboardInterrupt:

@@ -20,6 +20,8 @@ from .measures import Measured, command_of, measured
 
 #: Where a run works, and how many processes share it: no part of what it computes.
 _ELSEWHERE = ("run_dir", "resume", "workers")
+#: Not a setting but what it led to: a column where not all runs went by the same engine.
+ENGINE = "engine"
 _METRICS, _SETTINGS, _HYDRA = "metrics.json", "config.yaml", ".hydra"
 
 
@@ -52,6 +54,8 @@ def read_run(folder: Path, name: str, cfg: Any = None) -> Run:
         record = json.loads((folder / _METRICS).read_text())
         command = command_of(record)
         metrics, status = measured(record) if command else ({}, "not of these commands")
+        if "engine" in record:
+            settings[ENGINE] = record["engine"]
     except FileNotFoundError:
         status = "not finished" if failed is None else f"failed: {failed}"
         return Run(name, settings, named, status)
@@ -90,7 +94,7 @@ def differing(runs: Sequence[Run]) -> dict[str, list[Any]]:
     """Settings that are not the same in all runs: a value a run, None where it has none.
 
     A group counts by its `name`; what follows from the name of a group is left out, unless a
-    command line named it.
+    command line named it. The engine comes last.
     """
     keys = list(dict.fromkeys(key for run in runs for key in run.settings))
     columns = {key: [run.settings.get(key) for run in runs] for key in keys}
@@ -101,10 +105,15 @@ def differing(runs: Sequence[Run]) -> dict[str, list[Any]]:
     for key, values in columns.items():
         spelt = any(key == name or key.startswith(f"{name}.") for name in named if "." in name)
         spelt = spelt or key in named
-        if key in groups or spelt or not any(_follows(values, v) for v in groups.values()):
+        if (
+            key in groups
+            or spelt
+            or key == ENGINE
+            or not any(_follows(values, v) for v in groups.values())
+        ):
             kept[key.removesuffix(".name") if key in groups else key] = values
-    order = {name: place for place, name in enumerate(named)}
-    return dict(sorted(kept.items(), key=lambda item: order.get(item[0], len(order))))
+    order = {name: place for place, name in enumerate(named)} | {ENGINE: len(named) + 1}
+    return dict(sorted(kept.items(), key=lambda item: order.get(item[0], len(named))))
 
 
 def flat(tree: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .gather import Run, differing
+from .gather import ENGINE, Run, differing
 from .measures import NOTHING
 from .table import metric_names
 
@@ -23,7 +23,8 @@ def picture(runs: Sequence[Run], title: str) -> Figure | None:
     if not names:
         return None
     name = names[0]
-    settings = differing(runs) or {"run": [run.name for run in runs]}
+    settings = {key: v for key, v in differing(runs).items() if key != ENGINE}
+    settings = settings or {"run": [run.name for run in runs]}
     levels = {key: list(dict.fromkeys(map(_key, v))) for key, v in settings.items()}
     found = [run.metrics.get(name, NOTHING) for run in runs]
     mean, half = (np.array([getattr(f, part) for f in found]) for part in ("mean", "half"))
@@ -73,7 +74,16 @@ def _lines(
         at = at[np.argsort(places[at], kind="stable")]
         label = f"{lines[0]} {level}" if lines else None
         spread = np.nan_to_num(half[at])
-        ax.errorbar(places[at], mean[at], spread, fmt="o-", ms=4, lw=1, capsize=3, label=label)
+        ax.errorbar(
+            places[at],
+            mean[at],
+            spread,
+            fmt="o-" if numeric else "o:",
+            ms=4,
+            lw=1,
+            capsize=3,
+            label=label,
+        )
     if not numeric:
         ax.set_xticks(range(len(levels[x])), [str(value) for value in levels[x]])
     if lines:
