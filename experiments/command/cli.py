@@ -17,16 +17,18 @@ from hydra import compose, initialize_config_dir
 from hydra._internal.utils import get_args_parser
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.types import RunMode
 from omegaconf import OmegaConf
 
 from mann_torch.errors import ConfigError, MannError
 
 from ..runs.life import check_folder, run_in
+from ..sweeps.jobs import part_of_sweep
+from ..sweeps.launchers import check_launcher
+from ..sweeps.report import end_of_sweep
 from . import early
 from .conf_files import CONF, SEARCH_KEY, search_path
 from .failing import fail, one_line, speak_any_terminal
-from .hydra_setup import register
+from .hydra_setup import register, swept
 from .overrides import as_typed, is_multirun, job_name, jobs_of, quote_numeric_names, unknown_key
 
 register()
@@ -40,16 +42,21 @@ def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[An
     if early.asks(sys.argv[1:]):
         early.answer(config_name)
     speak_any_terminal()
+    command = shlex.join(["python", "-m", f"experiments.{config_name}", *sys.argv[1:]])
+    configurations: list[Any] = []
+    swept.clear()
     debugged = os.environ.get("HYDRA_FULL_ERROR") == "1"
     try:
         arguments = sys.argv[1:] = quote_numeric_names(sys.argv[1:])
         _check_options(arguments)
+        check_launcher(arguments)
         jobs = list(jobs_of(arguments))
         folders = set()
         for number, overrides in enumerate(jobs):
             try:
                 cfg = compose_job(config_name, overrides)
                 check(cfg)
+                configurations.append(cfg)
                 folders.add(cfg.run_dir)
                 _check_run_dir(cfg, number if is_multirun(arguments) else None)
             except Exception as error:
@@ -63,7 +70,13 @@ def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[An
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name=config_name)
     os.environ["HYDRA_FULL_ERROR"] = "1"  # what fails comes here, and Hydra prints nothing
     try:
-        entry(_guarded(task, debugged))()
+        try:
+            entry(_guarded(task, debugged))()
+        finally:  # after Ctrl-C too
+            began = is_multirun(arguments) and swept and swept[0].is_dir()
+            failed = end_of_sweep(swept[0], configurations, command) if began else 0
+        if failed:
+            fail(MannError(f"{failed} of {len(configurations)} jobs failed"), FAILED)
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one: we are on our way
         fail(MannError("interrupted; what was finished has been written"), INTERRUPTED)
@@ -115,27 +128,19 @@ def command_line(module: str) -> str:
 def _guarded(task: Callable[[Any], None], debugged: bool) -> Callable[[Any], None]:
     def guarded(cfg: Any) -> None:
         try:
-            run_in(Path(HydraConfig.get().runtime.output_dir), cfg, task)
+            run = HydraConfig.get()
+            with part_of_sweep(one_line, " ".join(map(as_typed, run.overrides.task))):
+                run_in(Path(run.runtime.output_dir), cfg, task)
         except ConfigError as error:
-            fail(_of_job(error), BAD_INPUT)
+            fail(error, BAD_INPUT)
         except MannError as error:
-            fail(_of_job(error), FAILED)
+            fail(error, FAILED)
         except Exception as error:  # Hydra would print what it knows of the job
             if debugged:
                 raise
-            fail(_of_job(error), FAILED)
+            fail(error, FAILED)
 
     return guarded
-
-
-def _of_job(error: Exception) -> Exception:
-    """An error of a multirun's job names the job."""
-    run = HydraConfig.get()
-    if run.mode != RunMode.MULTIRUN:
-        return error
-    return MannError(
-        f"job {run.job.num} ({' '.join(map(as_typed, run.overrides.task))}): {one_line(error)}"
-    )
 
 
 def reject_unknown(cfg: Any, schema: type, where: str = "") -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import os
 import secrets
+from pathlib import Path
 
 from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
@@ -28,8 +29,14 @@ def _tune_folder(run_dir: str | None, resume: str | None) -> str:
     return resume or _run_folder(run_dir, "tune")
 
 
+#: The folder of the sweep that this process started.
+swept: list[Path] = []
+
+
 def _sweep_folder(run_dir: str | None, task: str) -> str:
-    return run_dir or f"logs/{task}/multirun-{_stamp()}"
+    folder = run_dir or f"logs/{task}/multirun-{_stamp()}"
+    swept[:] = [Path(folder)]
+    return folder
 
 
 def register() -> None:

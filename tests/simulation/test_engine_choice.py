@@ -7,6 +7,7 @@ import random
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -61,6 +62,9 @@ class Drawing(Lukewarm):
 
     def forward(self, comparison: Comparison, active: torch.Tensor) -> torch.Tensor:
         return super().forward(comparison, active) * (1.0 + 0.1 * random.random())
+
+
+ROOT = Path(__file__).parents[2]
 
 
 def own_loop(attention: mt.Attention) -> mt.ClosedLoop:
@@ -358,3 +362,13 @@ def test_every_controller_is_compiled_from_a_fresh_start_with_every_gradient(nam
     run = mt.rollout(loop, scenario, generator=generator(), batch_shape=(6,), effort_after=0.0)
     assert run.engine == "compiled", run.engine_reason
     (mt.srmse(run).sum() + mt.torque_rate(run).sum()).backward()
+
+
+def test_slots_that_tie_at_the_start_do_not_send_a_run_to_the_torch_engine(tmp_path: Path) -> None:
+    """Of slots that hold the same, rounding decides which is attended: no sign of a wrong step."""
+    arguments = ["scenario=5", "controller=soft", "horizon=0.05", "output.tensorboard=false"]
+    command = [sys.executable, "-m", "experiments.simulate", *arguments, "output.figures=false"]
+    done = subprocess.run(
+        [*command, f"run_dir={tmp_path / 'run'}"], cwd=ROOT, capture_output=True, text=True
+    )
+    assert "(compiled)" in done.stdout, done.stderr

@@ -1,0 +1,54 @@
+"""One table and one picture of finished runs: of several sweeps, from several machines."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+import time
+from pathlib import Path
+from typing import NoReturn
+
+from mann_torch.errors import ConfigError, MannError
+
+from .sweeps.gather import runs_below, same_command
+from .sweeps.report import write_sweep
+
+BAD_INPUT = 2
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        _fail(message)
+
+
+def main() -> None:
+    """Command line of `python -m experiments.collect`."""
+    parser = _Parser(prog="python -m experiments.collect", description=__doc__)
+    parser.add_argument("folder", nargs="+", type=Path, help="a sweep's folder, or any above runs")
+    parser.add_argument(
+        "--out", type=Path, help="where to write; the folder itself if it is one, logs/collect else"
+    )
+    options = parser.parse_args()
+    folders = list(dict.fromkeys(options.folder))
+    alone = len(folders) == 1
+    try:
+        runs = []
+        for folder in folders:
+            runs += runs_below(folder, "" if alone else f"{folder.as_posix()}/")
+        same_command(runs)
+        stamp = Path("logs") / "collect" / time.strftime("%Y%m%d-%H%M%S")
+        out = options.out or (folders[0] if alone else stamp)
+        command = shlex.join(["python", "-m", "experiments.collect", *sys.argv[1:]])
+        write_sweep(out, runs, command)
+    except (MannError, OSError) as error:
+        _fail(str(error) if isinstance(error, ConfigError) else f"{error}")
+
+
+def _fail(message: str) -> NoReturn:
+    print(f"error: {message}", file=sys.stderr)
+    sys.exit(BAD_INPUT)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Sweeps that add up: one table and one picture of many runs."""

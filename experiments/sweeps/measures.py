@@ -1,0 +1,116 @@
+"""What a table of runs shows of each command's metrics.json."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..runs.intervals import Interval, interval
+
+Measured = dict[str, Interval]
+NOTHING = Interval(float("nan"), float("nan"))
+
+
+def command_of(record: Mapping[str, Any]) -> str:
+    """The command that made a record; empty if that is none of ours."""
+    found = re.search(r"experiments\.(\w+)", str(record.get("command", "")))
+    return found.group(1) if found and found.group(1) in READERS else ""
+
+
+def measured(record: Mapping[str, Any]) -> tuple[Measured, str]:
+    """Means with intervals, the leading one first, and how many draws of the run diverged."""
+    return READERS[command_of(record)](record), _diverged(record)
+
+
+def _diverged(record: Mapping[str, Any]) -> str:
+    status = record.get("status", [])
+    lost = sum(each != "ok" for each in status)
+    return f"{lost} of {len(status)} draws diverged" if lost else "ok"
+
+
+def _over_draws(values: Sequence[Any]) -> Interval:
+    """Draws without a value (diverged, nothing after 10 s) are left out."""
+    found = np.array([value for value in values if value is not None], dtype=float)
+    return interval(found) if len(found) else NOTHING
+
+
+def _one(value: Any) -> Interval:
+    return NOTHING if value is None else Interval(float(value), float("nan"))
+
+
+def _simulate(record: Mapping[str, Any]) -> Measured:
+    found = {}
+    for name in ("srmse", "srmse_after_10s"):
+        for joint, values in enumerate(zip(*record[name], strict=True), start=1):
+            found[f"{name}_{joint}"] = _over_draws(values)
+    for name in ("reallocations", "switches"):
+        found[name] = _over_draws(record[name])
+    return found
+
+
+def _gradient_report(record: Mapping[str, Any]) -> Measured:
+    found = {name: _over_draws(record[name]) for name in ("srmse", "switches", "reallocations")}
+    return found | {
+        f"norm_{mode}": _one(points[-1][1]) for mode, points in record["norms"].items() if points
+    }
+
+
+def _tune(record: Mapping[str, Any]) -> Measured:
+    """Objective at the start and end, and what tuning changed on scenarios held out [%]."""
+    history = [entry["objective"] for entry in record["history"]]
+    found = {}
+    if history:
+        found = {"objective": _one(history[-1]), "objective_first": _one(history[0])}
+    for verdict in record["held_out"]:
+        start = f"{verdict['candidate']}_{verdict['scenario']}".replace(" ", "_")
+        for name in ("srmse", "rate", "peak"):
+            mean, half = (verdict[name][part] for part in ("mean", "half"))
+            spread = float("nan") if half is None else float(half)
+            found[f"{start}_{name}"] = Interval(_one(mean).mean, spread)
+    return found
+
+
+def _reproduce(record: Mapping[str, Any]) -> Measured:
+    """Published figures met, each counted once, claims that hold and golden runs that agree."""
+    cells = {
+        (cell["scenario"], cell["variant"], cell["metric"], cell["joint"]): cell
+        for cell in record["cells"]
+        if cell["paper"] is not None
+    }
+    off = [
+        abs(cell["mean"] / cell["paper"] - 1) if cell["mean"] is not None else float("inf")
+        for cell in cells.values()
+    ]
+    return {
+        "within_10_percent": _one(sum(each <= 0.1 for each in off)),
+        "within_5_percent": _one(sum(each <= 0.05 for each in off)),
+        "figures": _one(len(off)),
+        "claims_reproduced": _one(sum(claim["reproduced"] for claim in record["claims"])),
+        "claims": _one(len(record["claims"])),
+        "golden_passed": _one(sum(check["passed"] for check in record["golden"])),
+        "golden": _one(len(record["golden"])),
+    }
+
+
+def _learning(record: Mapping[str, Any]) -> Measured:
+    """Every measure of every variant, over seeds."""
+    found = {}
+    for row in record["table"]:
+        for name in [name for name in row if f"{name}_half" in row]:
+            half = row[f"{name}_half"]
+            spread = float("nan") if half is None else float(half)
+            found[f"{name}_{row['variant']}"] = Interval(_one(row[name]).mean, spread)
+    return found
+
+
+READERS: dict[str, Callable[[Mapping[str, Any]], Measured]] = {
+    "simulate": _simulate,
+    "tune": _tune,
+    "gradient_report": _gradient_report,
+    "reproduce": _reproduce,
+    "recall": _learning,
+    "online_regression": _learning,
+}

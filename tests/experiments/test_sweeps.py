@@ -1,0 +1,233 @@
+"""Sweeps that add up: one table and one picture of many runs, under every launcher."""
+
+import csv
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from omegaconf import OmegaConf
+
+from experiments import collect, recall, simulate
+from experiments.runs.intervals import Interval
+from experiments.sweeps import launchers
+from experiments.sweeps.gather import Run, differing
+from experiments.sweeps.picture import picture
+from mann_torch.errors import SolverError
+from tests.experiments.command import exit_code
+
+ROOT = Path(__file__).parents[2]
+SHORT = ["horizon=0.3", "draws=2", "output.figures=false", "output.tensorboard=false"]
+SWEPT = ["-m", "scenario=1,4", "controller=nn,soft", *SHORT]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "sweep"
+
+
+def table(folder: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader((folder / "sweep.csv").read_text().splitlines()))
+
+
+def test_a_sweep_ends_with_one_table_and_one_picture(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert exit_code(monkeypatch, simulate.main, *SWEPT, f"run_dir={folder}") == 0
+    rows = table(folder)
+    assert [(row["scenario"], row["controller"]) for row in rows] == [
+        ("1", "nn"),
+        ("1", "soft"),
+        ("4", "nn"),
+        ("4", "soft"),
+    ]
+    # What follows from a scenario or a controller is no column of its own.
+    assert list(rows[0])[:4] == ["run", "scenario", "controller", "srmse_1"]
+    for number, row in enumerate(rows):
+        srmse = json.loads((folder / str(number) / "metrics.json").read_text())["srmse"]
+        mean = (srmse[0][0] + srmse[1][0]) / 2
+        assert float(row["srmse_1"]) == pytest.approx(mean, rel=1e-14)
+        # Two draws: Student's t with one degree of freedom.
+        half = 12.706204736 * abs(srmse[0][0] - srmse[1][0]) / 2
+        assert float(row["srmse_1_half"]) == pytest.approx(half, rel=1e-8)
+        assert row["status"] == "ok"
+    page = (folder / "sweep.md").read_text()
+    assert page.startswith("`python -m experiments.simulate -m scenario=1,4 controller=nn,soft")
+    assert page.count("| ok") == 4 and "| run | scenario | controller |" in page
+    assert (folder / "sweep.png").read_bytes().startswith(b"\x89PNG")
+    assert "4 of 4 runs finished" in capsys.readouterr().out
+
+
+def break_nn(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
+    whole = simulate.simulate
+
+    def broken(cfg: Any) -> Any:
+        if cfg.controller.name == "nn":
+            raise error
+        return whole(cfg)
+
+    monkeypatch.setattr(simulate, "simulate", broken)
+
+
+def test_a_job_that_fails_is_told_and_the_others_go_on(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    break_nn(monkeypatch, SolverError("it broke"))
+    assert exit_code(monkeypatch, simulate.main, *SWEPT, f"run_dir={folder}") == 1
+    status = ["failed: it broke", "ok", "failed: it broke", "ok"]
+    assert [row["status"] for row in table(folder)] == status
+    assert [row["controller"] for row in table(folder)] == ["nn", "soft"] * 2
+    assert table(folder)[0]["srmse_1"] == ""
+    said = capsys.readouterr().err.splitlines()
+    lines = [line for line in said if line.startswith("error:")]
+    assert "(scenario=1 controller=nn " in lines[0]
+    lines = [re.sub(r" \(.*\):", ":", line) for line in lines]
+    assert lines == [
+        "error: job 0: it broke",
+        "error: job 2: it broke",
+        "error: 2 of 4 jobs failed",
+    ]
+
+
+def test_an_interrupted_sweep_tells_what_is_missing(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    break_nn(monkeypatch, KeyboardInterrupt())
+    swept = ["-m", "controller=soft,nn,hard", *SHORT, f"run_dir={folder}"]
+    assert exit_code(monkeypatch, simulate.main, *swept) == 130
+    rows = [(row["controller"], row["status"]) for row in table(folder)]
+    assert rows == [("soft", "ok"), ("nn", "not finished"), ("hard", "not finished")]
+
+
+def test_sweeps_of_several_folders_are_collected(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, gains in (("a", "0.5,0.75"), ("b", "1.0")):
+        swept = ["-m", "controller=soft,hard", f"constants.write_gain={gains}", *SHORT]
+        assert exit_code(monkeypatch, simulate.main, *swept, f"run_dir={folder / name}") == 0
+    one = (folder / "a" / "sweep.csv").read_bytes()
+    assert exit_code(monkeypatch, collect.main, str(folder / "a")) == 0
+    assert (folder / "a" / "sweep.csv").read_bytes() == one
+    arguments = [str(folder / "a"), str(folder / "b"), "--out", str(folder / "all")]
+    assert exit_code(monkeypatch, collect.main, *arguments) == 0
+    rows = table(folder / "all")
+    assert [row["constants.write_gain"] for row in rows] == ["0.5", "0.75"] * 2 + ["1"] * 2
+    assert rows[-1]["run"] == f"{folder}/b/1"
+    assert (folder / "all" / "sweep.png").exists()
+    capsys.readouterr()
+
+
+def test_what_cannot_be_collected_is_refused_in_one_line(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, command in (("a", "simulate"), ("b", "gradient_report")):
+        record = {"command": f"python -m experiments.{command}", "srmse_after_10s": [[1.0, 1.0]]}
+        record |= {"srmse": [[1.0, 1.0]] if name == "a" else [1.0], "norms": {}}
+        record |= {"switches": [0], "reallocations": [0]}
+        (folder / name).mkdir(parents=True)
+        (folder / name / "metrics.json").write_text(json.dumps(record))
+    (folder / "broken").mkdir()
+    (folder / "broken" / "metrics.json").write_text('{"command": ')
+    (folder / "empty").mkdir()
+    refused = {
+        "empty": f"{folder}/empty holds no finished run",
+        "broken": f"{folder}/broken holds no finished run",
+        "none": f"{folder}/none is not a folder",
+        ".": "runs of gradient_report and simulate: collect those of one command",
+    }
+    for name, said in refused.items():
+        assert exit_code(monkeypatch, collect.main, str(folder / name)) == 2
+        assert capsys.readouterr().err == f"error: {said}\n"
+    assert exit_code(monkeypatch, collect.main) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert not list(folder.rglob("sweep.*"))
+
+
+def test_a_sweep_of_recall_has_each_variants_accuracy(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    small = ["variants=[soft,lstm]", "seeds=2", "iterations=50", "batch=4", "test_sequences=20"]
+    small += ["workers=1", "figures=false", "tensorboard=false", f"run_dir={folder}"]
+    assert exit_code(monkeypatch, recall.main, "-m", "n_pairs=2,3", *small) == 0
+    rows = table(folder)
+    assert [row["n_pairs"] for row in rows] == ["2", "3"]
+    assert all(0 <= float(row["accuracy_soft"]) <= 1 for row in rows)
+    assert all(float(row["accuracy_lstm_half"]) >= 0 for row in rows)
+
+
+@pytest.mark.parametrize("launcher", ["joblib", "submitit_local", "ray"])
+def test_the_table_is_the_same_under_every_launcher(launcher: str, folder: Path) -> None:
+    if not launchers.is_installed(launcher):
+        pytest.skip(f"{launcher} is not installed")
+    for name in ("basic", launcher):
+        chosen = [f"hydra/launcher={name}", f"run_dir={folder / name}"]
+        command = [sys.executable, "-m", "experiments.simulate", *SWEPT, *chosen]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    tables = [(folder / name / "sweep.csv").read_bytes() for name in ("basic", launcher)]
+    assert tables[0] == tables[1]
+
+
+def test_a_launcher_that_is_not_there_is_refused_in_one_line(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(launchers, "is_installed", lambda name: False)
+    refused = {
+        "joblib": "hydra/launcher=joblib is not installed: pip install 'mann_torch[joblib]'",
+        "slurm": "unknown hydra/launcher 'slurm'; choose from basic, joblib, submitit_local, "
+        "submitit_slurm, ray",
+    }
+    for name, said in refused.items():
+        arguments = [*SWEPT, f"hydra/launcher={name}", f"run_dir={folder}"]
+        assert exit_code(monkeypatch, simulate.main, *arguments) == 2
+        assert capsys.readouterr().err == f"error: {said}\n"
+    assert not folder.exists()
+
+
+def test_jobs_side_by_side_share_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(launchers, "cores", lambda: 8)
+    shares = {n: launchers.job_threads("joblib", SimpleNamespace(n_jobs=n)) for n in (1, 2, 3, -1)}
+    assert shares == {1: 8, 2: 4, 3: 2, -1: 1}
+    assert launchers.job_threads("joblib", SimpleNamespace(n_jobs=20)) == 1
+    assert launchers.job_threads("submitit_slurm", OmegaConf.create({"cpus_per_task": 4})) == 4
+    assert launchers.job_threads("submitit_local", OmegaConf.create({"cpus_per_task": None})) == 1
+    assert launchers.job_threads("basic", None) is None
+
+
+def some_run(value: float, named: tuple[str, ...] = (), **settings: Any) -> Run:
+    plain = {key.replace("__", "."): each for key, each in settings.items()}
+    return Run("0", plain, named, "ok", "simulate", {"srmse_1": Interval(value, 0.1)})
+
+
+def test_what_follows_from_a_groups_name_is_a_column_only_if_it_was_asked_for() -> None:
+    def two(*named: str) -> list[Run]:
+        return [
+            some_run(1.0, named, scenario__name="1", scenario__amplitude=[1], gain=1),
+            some_run(2.0, named, scenario__name="2", scenario__amplitude=[2], gain=2),
+        ]
+
+    assert list(differing(two("scenario"))) == ["scenario"]
+    assert list(differing(two("scenario", "gain"))) == ["scenario", "gain"]
+    assert list(differing(two("scenario.amplitude"))) == ["scenario.amplitude", "scenario"]
+
+
+@pytest.mark.parametrize(
+    ("settings", "axes"),
+    [
+        (lambda i: {"gain": i % 3}, 1),  # a line
+        (lambda i: {"gain": i % 3, "rate": i // 3}, 2),  # a heat map and its scale
+        (lambda i: {"gain": i % 3, "controller__name": "ab"[i // 3]}, 1),  # a line each
+        (lambda i: {"gain": i % 3, "keys__name": "ab"[i // 3], "seed": i % 2}, 2),  # panels
+    ],
+)
+def test_the_picture_follows_what_was_swept(
+    settings: Callable[[int], dict[str, Any]], axes: int
+) -> None:
+    figure = picture([some_run(float(i), **settings(i)) for i in range(6)], "title")
+    assert figure is not None and len(figure.axes) == axes
