@@ -98,7 +98,7 @@ def differing(runs: Sequence[Run]) -> dict[str, list[Any]]:
     """
     keys = list(dict.fromkeys(key for run in runs for key in run.settings))
     columns = {key: [run.settings.get(key) for run in runs] for key in keys}
-    columns = {key: v for key, v in columns.items() if len({repr(each) for each in v}) > 1}
+    columns = {key: v for key, v in columns.items() if len(_values(key, v)) > 1}
     groups = {key: v for key, v in columns.items() if key.endswith(".name")}
     named = dict.fromkeys(name for run in runs for name in run.named)
     kept = {}
@@ -123,6 +123,11 @@ def flat(tree: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield from flat(value, f"{prefix}{key}.")
         elif prefix or key not in _ELSEWHERE:
             yield f"{prefix}{key}", value
+
+
+def _values(key: str, values: Sequence[Any]) -> set[str]:
+    """Those of a column; a run that did not finish went by no engine."""
+    return {repr(each) for each in values if key != ENGINE or each is not None}
 
 
 def _follows(values: Sequence[Any], names: Sequence[Any]) -> bool:

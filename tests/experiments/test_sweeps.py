@@ -83,7 +83,7 @@ def test_a_job_that_fails_is_told_and_the_others_go_on(
     status = ["failed: it broke", "ok", "failed: it broke", "ok"]
     assert [row["status"] for row in table(folder)] == status
     assert [row["controller"] for row in table(folder)] == ["nn", "soft"] * 2
-    assert table(folder)[0]["srmse_1"] == ""
+    assert table(folder)[0]["srmse_1"] == "" and "engine" not in table(folder)[0]
     said = capsys.readouterr().err.splitlines()
     lines = [line for line in said if line.startswith("error:")]
     assert "(scenario=1 controller=nn " in lines[0]
@@ -215,6 +215,12 @@ def test_what_follows_from_a_groups_name_is_a_column_only_if_it_was_asked_for() 
     assert list(differing(two("scenario"))) == ["scenario"]
     assert list(differing(two("scenario", "gain"))) == ["scenario", "gain"]
     assert list(differing(two("scenario.amplitude"))) == ["scenario.amplitude", "scenario"]
+
+
+def test_runs_by_different_engines_are_told_apart() -> None:
+    runs = [some_run(1.0, engine=e, gain=g) for e, g in (("compiled", 1), ("eager", 2))]
+    assert differing(runs) == {"gain": [1, 2], "engine": ["compiled", "eager"]}
+    assert "engine" not in differing(runs[:1] * 2)
 
 
 @pytest.mark.parametrize(
