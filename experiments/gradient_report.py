@@ -23,10 +23,11 @@ from .building.ensembles import ensemble_of
 from .command.cli import command_line, reject_unknown, run_cli
 from .gradients.elasticities import Findings, difference_name, estimate_all
 from .gradients.figures import landscapes, norms
+from .records.recording import log_summary, summary_writer, telling_settings
 from .runs.figures import save
+from .runs.life import finish
 from .runs.progress import progress_bar
-from .runs.recording import log_summary, summary_writer, telling_settings
-from .runs.writing import csv_text, write_json, write_text
+from .runs.writing import csv_text, write_text
 from .settings.config import ConstantsConfig, SimulateConfig
 from .settings.study_config import GradientReportConfig
 
@@ -76,7 +77,6 @@ def _task(cfg: Any) -> None:
     plain, ensemble, coordinates = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
     command = command_line("experiments.gradient_report")
-    write_text(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
     start = time.perf_counter()
     stages = 3 + len(plain.steps) + len(plain.temperatures) + 1
     stages += sum(horizon < ensemble.scenario.end for horizon in plain.horizons)
@@ -103,8 +103,8 @@ def _task(cfg: Any) -> None:
     }
     with summary_writer(folder) as writer:
         log_summary(writer, telling_settings(plain), results, figures)
-    write_json(
-        folder / "metrics.json",
+    finish(
+        folder,
         {
             "command": command,
             "wall_s": wall_s,

@@ -40,12 +40,10 @@ from .learning.report import (
     Report,
     by_variant,
     compare,
+    conclude,
     member_arrays,
-    write_pictures,
-    write_report,
 )
-from .runs.workers import in_parallel
-from .runs.writing import write_arrays, write_text
+from .runs.parts import all_parts
 from .settings.checks import check_between, check_positive, check_variants
 from .settings.memory_config import LEARNERS, OnlineRegressionConfig
 
@@ -228,22 +226,21 @@ def pictures(cfg: OnlineRegressionConfig, found: Mapping[str, Learnt]) -> dict[s
 def _task(cfg: Any) -> None:
     plain = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
-    write_text(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
     start = time.perf_counter()
     tuning = len(plain.rates) * plain.tuning_visits if len(plain.rates) > 1 else 0
-    total = len(plain.variants) * plain.n_functions * (plain.visits + tuning)
-    ready: dict[str, Learnt] = {}
-    given = [(plain, variant) for variant in plain.variants]
-    for number, learnt in in_parallel(learn, given, plain.workers, total, "visit", 1):
-        variant = plain.variants[number]
-        ready[variant] = learnt
-        write_arrays(folder / "finished" / f"{variant}.npz", learnt.arrays())
-    found = {variant: ready[variant] for variant in plain.variants}
+    found = all_parts(
+        Learnt,
+        learn,
+        {variant: (plain, variant) for variant in plain.variants},
+        folder / "finished",
+        plain.workers,
+        [plain.n_functions * (plain.visits + tuning)] * len(plain.variants),
+        "visit",
+        1,
+    )
     report = reported(plain, found, time.perf_counter() - start)
-    write_report(folder, command_line("experiments.online_regression"), report)
-    write_pictures(folder, plain, report, pictures(plain, found) if plain.figures else {})
-    print(f"{report.comparison.markdown}\n\n{report.note}")
-    print(f"{report.record['wall_s']:.0f} s in all\nwritten to {folder}", flush=True)
+    command = command_line("experiments.online_regression")
+    conclude(folder, plain, command, report, lambda: pictures(plain, found))
 
 
 if __name__ == "__main__":

@@ -39,12 +39,10 @@ from .learning.report import (
     Report,
     by_variant,
     compare,
+    conclude,
     member_arrays,
-    write_pictures,
-    write_report,
 )
-from .runs.workers import in_parallel
-from .runs.writing import write_arrays, write_text
+from .runs.parts import all_parts
 from .settings.checks import check_between, check_positive, check_variants
 from .settings.memory_config import RECALLERS, RecallConfig
 
@@ -65,11 +63,6 @@ class Learned:
     iterations: int
     wall_s: float
     trace: dict[str, np.ndarray]  # of test sequence `member`, seed 0; empty without a memory
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """All of it by name."""
-        numbers = {name: np.array(getattr(self, name)) for name in ("accuracy", "wall_s")}
-        return {**numbers, "loss": self.loss, **self.trace}
 
 
 def main() -> None:
@@ -201,21 +194,22 @@ def pictures(cfg: RecallConfig, found: Mapping[str, list[Learned]]) -> dict[str,
 def _task(cfg: Any) -> None:
     plain = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
-    write_text(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
     start = time.perf_counter()
-    given = [(plain, variant, seed) for variant in plain.variants for seed in range(plain.seeds)]
-    total = sum(n_iterations(plain, variant) for _, variant, _ in given)
-    ready: dict[tuple[str, int], Learned] = {}
-    for number, learned in in_parallel(learn, given, plain.workers, total, "iteration", 20):
-        _, variant, seed = given[number]
-        ready[variant, seed] = learned
-        write_arrays(folder / "finished" / f"{variant}_{seed}.npz", learned.arrays())
-    found = {v: [ready[v, seed] for seed in range(plain.seeds)] for v in plain.variants}
+    each = [(variant, seed) for variant in plain.variants for seed in range(plain.seeds)]
+    ready = all_parts(
+        Learned,
+        learn,
+        {f"{variant}_{seed}": (plain, variant, seed) for variant, seed in each},
+        folder / "finished",
+        plain.workers,
+        [n_iterations(plain, variant) for variant, _ in each],
+        "iteration",
+        20,
+    )
+    found = {v: [ready[f"{v}_{seed}"] for seed in range(plain.seeds)] for v in plain.variants}
     report = reported(plain, found, time.perf_counter() - start)
-    write_report(folder, command_line("experiments.recall"), report)
-    write_pictures(folder, plain, report, pictures(plain, found) if plain.figures else {})
-    print(f"{report.comparison.markdown}\n\n{report.note}")
-    print(f"{report.record['wall_s']:.0f} s in all\nwritten to {folder}", flush=True)
+    command = command_line("experiments.recall")
+    conclude(folder, plain, command, report, lambda: pictures(plain, found))
 
 
 if __name__ == "__main__":

@@ -20,16 +20,17 @@ from omegaconf import OmegaConf
 from mann_torch.errors import ConfigError
 
 from .command.cli import FAILED, command_line, reject_unknown, run_cli
+from .records.recording import log_summary, summary_writer
 from .reproduction import golden as gold
 from .reproduction import tables
 from .reproduction.claims import Finding, findings
-from .reproduction.jobs import batches, run_jobs
+from .reproduction.jobs import JobResult, batches, run_jobs
 from .reproduction.plan import Job, judges_claims, plan
 from .reproduction.results import Results
 from .reproduction.tables import Cell
 from .runs import figures as pictures
-from .runs.recording import log_summary, summary_writer
-from .runs.writing import aligned, csv_text, write_arrays, write_json, write_text
+from .runs.life import finish
+from .runs.writing import aligned, csv_text, write_arrays, write_text
 from .settings.config import ReproduceConfig
 
 if TYPE_CHECKING:
@@ -60,12 +61,8 @@ def _task(cfg: Any) -> None:
     plain, jobs, golden = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
     command = command_line("experiments.reproduce")
-    write_text(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
     start = time.perf_counter()
-    done = []
-    for result in run_jobs(plain, jobs):
-        write_arrays(folder / "runs" / f"{result.job.variant}.npz", result.arrays())
-        done.append(result)
+    done = _all_results(plain, jobs, folder / "runs")
     results = Results(done)
     wall_s = time.perf_counter() - start
 
@@ -102,8 +99,15 @@ def _task(cfg: Any) -> None:
     claim_rows = [["claim", "reproduced", "measure"]]
     claim_rows += [[f.claim, "yes" if f.reproduced else "no", f.measure] for f in found]
     write_text(folder / "claims.csv", csv_text(claim_rows))
-    write_json(
-        folder / "metrics.json",
+    settings = {"draws": plain.draws, "seed": plain.seed, "solver": plain.solver.name}
+    settings |= {"dt": plain.solver.dt}
+    scalars = {
+        f"{c.metric}/scenario_{c.scenario}/{c.variant}/joint_{c.joint}": c.mean for c in all_cells
+    }
+    with summary_writer(folder) as writer:
+        log_summary(writer, settings, scalars, drawn)
+    finish(
+        folder,
         {
             "command": command,
             "wall_s": wall_s,
@@ -115,18 +119,24 @@ def _task(cfg: Any) -> None:
             "diverged": diverged,
         },
     )
-    settings = {"draws": plain.draws, "seed": plain.seed, "solver": plain.solver.name}
-    settings |= {"dt": plain.solver.dt}
-    scalars = {
-        f"{c.metric}/scenario_{c.scenario}/{c.variant}/joint_{c.joint}": c.mean for c in all_cells
-    }
-    with summary_writer(folder) as writer:
-        log_summary(writer, settings, scalars, drawn)
     print(report)
     print(f"written to {folder}: report.md, *.csv, metrics.json, figures/, runs/", flush=True)
     if any(not check.passed for check in checks):
         print("error: golden numbers are off, see the report", file=sys.stderr)
         sys.exit(FAILED)
+
+
+def _all_results(cfg: ReproduceConfig, jobs: list[Job], folder: Path) -> list[JobResult]:
+    """Every variant's, in order; those on disk are not computed again."""
+    files = {job.variant: folder / f"{job.variant}.npz" for job in jobs}
+    found = {job.variant: JobResult.kept(job, files[job.variant]) for job in jobs}
+    missing = [job for job in jobs if found[job.variant] is None]
+    if len(missing) < len(jobs):
+        print(f"{len(jobs) - len(missing)} of {len(jobs)} variants were finished before")
+    for result in run_jobs(cfg, missing) if missing else ():
+        write_arrays(files[result.job.variant], result.arrays())
+        found[result.job.variant] = result
+    return [result for result in found.values() if result is not None]
 
 
 def _summary(all_cells: list[Cell]) -> str:

@@ -25,6 +25,7 @@ from mann_torch.simulation.step_grid import StepGrid
 from .building.build import Experiment, build
 from .building.masses import late_jumps
 from .command.cli import command_line, reject_unknown, run_cli
+from .records.recording import log_run, metrics_of, signal_arrays
 from .runs.figures import (
     Arrays,
     attention_timeline,
@@ -36,9 +37,9 @@ from .runs.figures import (
     torques,
     with_resets,
 )
+from .runs.life import finish
 from .runs.progress import progress_bar
-from .runs.recording import log_run, metrics_of, signal_arrays
-from .runs.writing import write_arrays, write_json, write_text
+from .runs.writing import write_arrays
 from .settings.config import SimulateConfig
 
 if TYPE_CHECKING:
@@ -133,8 +134,6 @@ def _task(cfg: Any) -> None:
         "units": {"srmse": "rad", "srmse_after_10s": "rad", "wall_s": "s"},
         "command": command_line("experiments.simulate"),
     }
-    write_text(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
-    write_json(folder / "metrics.json", record)
     write_arrays(folder / "trajectory.npz", arrays)
     figures = {}
     if plain.output.figures:
@@ -143,6 +142,7 @@ def _task(cfg: Any) -> None:
         save(figure, folder / name, formats_of(plain.output.format), plain.output.dpi)
     if plain.output.tensorboard:
         log_run(folder, plain, arrays, metrics, figures)
+    finish(folder, record)
     print(f"{title}, {trajectory.solver} ({trajectory.engine}), {wall_s:.1f} s")
     print(summary(metrics))
     print(f"written to {folder}", flush=True)

@@ -23,11 +23,12 @@ from mann_torch.tuning import Coordinates, Ensemble, GradientSettings, Objective
 
 from .building.ensembles import check_names, tuned_ensemble
 from .command.cli import command_line, reject_unknown, run_cli
+from .records.recording import Writer, log_summary, summary_writer, telling_settings
 from .runs import checkpoints
 from .runs.figures import save
 from .runs.intervals import Interval
+from .runs.life import finish
 from .runs.progress import progress_bar
-from .runs.recording import Writer, log_summary, summary_writer, telling_settings
 from .runs.writing import csv_text, write_json, write_text
 from .settings.study_config import TuneConfig
 from .tuning import held_out
@@ -103,16 +104,11 @@ def _candidates(
 def _task(cfg: Any) -> None:
     plain = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
-    tuner = tuner_of(plain)
-    if plain.resume is None:
+    tuner = _restored(tuner_of(plain), folder)
+    if not (folder / "command.txt").exists():
         write_text(folder / "command.txt", command_line("experiments.tune") + "\n")
-        write_text(folder / "config.yaml", OmegaConf.to_yaml(cfg, resolve=True))
-    else:
-        _restored(tuner, folder)
     command = (folder / "command.txt").read_text().strip()
     start = time.perf_counter()
-    for old in folder.glob("events.out.tfevents*"):
-        old.unlink()  # of a run that was killed: the checkpoint has its history, whole
     with summary_writer(folder) as writer:
         for record in tuner.history:
             _log(writer, tuner, record)
@@ -146,8 +142,8 @@ def _task(cfg: Any) -> None:
     report = _report(tuner, verdicts, command, tuning_s)
     write_text(folder / "report.md", report)
     write_text(folder / "held_out.csv", csv_text(held_out.rows(scores, candidates)))
-    write_json(
-        folder / "metrics.json",
+    finish(
+        folder,
         {
             "command": command,
             "tuning_s": tuning_s,

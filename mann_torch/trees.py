@@ -37,7 +37,9 @@ def leaves(tree: Any) -> list[Tensor]:
 
 
 def leaf_names(tree: Any) -> tuple[str, ...]:
-    """The field name of each of `leaves(tree)`."""
+    """The field name of each of `leaves(tree)`; a tree that is one tensor has no field: "value"."""
+    if isinstance(tree, Tensor):
+        return ("value",)
     names: tuple[str, ...] = ()
     for name, branch in zip(tree._fields, tree, strict=True):
         if isinstance(branch, Tensor):

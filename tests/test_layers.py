@@ -106,8 +106,9 @@ def test_one_file_touches_torchs_tracing_internals() -> None:
 #: Rooms of the experiments, lowest first; those of a line know nothing of each other.
 ROOMS = (
     ("settings",),
-    ("command",),
     ("runs",),
+    ("command",),
+    ("records",),
     ("building",),
     ("reproduction", "gradients", "tuning", "learning"),
     ("benchmarking",),

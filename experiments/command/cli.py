@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import re
 import shlex
+import signal
 import sys
 import tempfile
 from collections.abc import Callable
@@ -14,17 +14,18 @@ from typing import Any
 
 import hydra
 from hydra import compose, initialize_config_dir
+from hydra._internal.utils import get_args_parser
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.errors import HydraException
 from hydra.types import RunMode
 from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 
 from mann_torch.errors import ConfigError, MannError
 
+from ..runs.life import check_folder, run_in
 from . import early
 from .conf_files import CONF, SEARCH_KEY, search_path
+from .failing import fail, one_line, speak_any_terminal
 from .hydra_setup import register
 from .overrides import as_typed, is_multirun, job_name, jobs_of, quote_numeric_names, unknown_key
 
@@ -38,32 +39,41 @@ def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[An
     """Check every job of the command line, then let Hydra run `task` on each."""
     if early.asks(sys.argv[1:]):
         early.answer(config_name)
+    speak_any_terminal()
+    debugged = os.environ.get("HYDRA_FULL_ERROR") == "1"
     try:
         arguments = sys.argv[1:] = quote_numeric_names(sys.argv[1:])
+        _check_options(arguments)
         jobs = list(jobs_of(arguments))
+        folders = set()
         for number, overrides in enumerate(jobs):
             try:
                 cfg = compose_job(config_name, overrides)
                 check(cfg)
-                _check_run_dir(cfg)
+                folders.add(cfg.run_dir)
+                _check_run_dir(cfg, number if is_multirun(arguments) else None)
             except Exception as error:
                 if len(jobs) == 1:
                     raise
-                raise ConfigError(f"{job_name(number, jobs)}: {_one_line(error)}") from None
-        _check_sweep(arguments, jobs)
+                raise ConfigError(f"{job_name(number, jobs)}: {one_line(error)}") from None
+        if len(folders) > 1:
+            raise ConfigError("run_dir: a sweep has one; its jobs go into numbered folders")
     except Exception as error:  # whatever a setting breaks, it is one line and no folder
         fail(error, BAD_INPUT)
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name=config_name)
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # what fails comes here, and Hydra prints nothing
     try:
-        entry(_guarded(task))()
+        entry(_guarded(task, debugged))()
     except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one: we are on our way
         fail(MannError("interrupted; what was finished has been written"), INTERRUPTED)
-
-
-def fail(error: Exception, code: int) -> None:
-    """One line on stderr, then exit."""
-    print(f"error: {_one_line(error)}", file=sys.stderr)
-    sys.exit(code)
+    except Exception as error:
+        if debugged:
+            raise
+        fail(error, FAILED)
+    finally:
+        if not debugged:
+            del os.environ["HYDRA_FULL_ERROR"]
 
 
 def compose_job(config_name: str, overrides: list[str]) -> Any:
@@ -74,7 +84,7 @@ def compose_job(config_name: str, overrides: list[str]) -> Any:
     try:
         return _composed(config_name, overrides)
     except Exception as error:  # Hydra raises bare TypeErrors and the like for odd overrides
-        text = _one_line(error)
+        text = one_line(error)
     if text.startswith("Could not"):
         text = unknown_key(text, _composed(config_name, [])) or text
     raise ConfigError(text)
@@ -102,25 +112,30 @@ def command_line(module: str) -> str:
     return shlex.join(["python", "-m", module, *map(as_typed, overrides)])
 
 
-def _guarded(task: Callable[[Any], None]) -> Callable[[Any], None]:
+def _guarded(task: Callable[[Any], None], debugged: bool) -> Callable[[Any], None]:
     def guarded(cfg: Any) -> None:
         try:
-            _refuse_finished_run(Path(HydraConfig.get().runtime.output_dir))
-            task(cfg)
+            run_in(Path(HydraConfig.get().runtime.output_dir), cfg, task)
         except ConfigError as error:
             fail(_of_job(error), BAD_INPUT)
         except MannError as error:
+            fail(_of_job(error), FAILED)
+        except Exception as error:  # Hydra would print what it knows of the job
+            if debugged:
+                raise
             fail(_of_job(error), FAILED)
 
     return guarded
 
 
-def _of_job(error: MannError) -> MannError:
+def _of_job(error: Exception) -> Exception:
     """An error of a multirun's job names the job."""
     run = HydraConfig.get()
     if run.mode != RunMode.MULTIRUN:
         return error
-    return MannError(f"job {run.job.num} ({' '.join(map(as_typed, run.overrides.task))}): {error}")
+    return MannError(
+        f"job {run.job.num} ({' '.join(map(as_typed, run.overrides.task))}): {one_line(error)}"
+    )
 
 
 def reject_unknown(cfg: Any, schema: type, where: str = "") -> None:
@@ -134,52 +149,25 @@ def reject_unknown(cfg: Any, schema: type, where: str = "") -> None:
             reject_unknown(cfg[key], kind, f"{where}{key}.")
 
 
-def _check_run_dir(cfg: Any) -> None:
-    if cfg.run_dir is None:
-        return
-    folder = Path(cfg.run_dir)
+def _check_run_dir(cfg: Any, number: int | None) -> None:
+    """Of one job, or of job `number` of a sweep. Raises `ConfigError`."""
+    folder = Path("logs" if cfg.run_dir is None else cfg.run_dir)
+    name = "the folder of results" if cfg.run_dir is None else "run_dir"
     existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not existing.is_dir() or not os.access(existing, os.W_OK):
-        raise ConfigError(f"run_dir = {folder}: {existing} is not a folder one can write to")
+        raise ConfigError(f"{name} = {folder}: {existing} is not a folder one can write to")
     try:  # root may do what a file system does not allow
         os.rmdir(tempfile.mkdtemp(dir=existing))
     except OSError as error:
-        raise ConfigError(f"run_dir = {folder}: {error.strerror}") from None
-    _refuse_finished_run(folder)
+        raise ConfigError(f"{name} = {folder}: {error.strerror}") from None
+    if cfg.run_dir is not None:
+        check_folder(folder if number is None else folder / str(number), cfg)
 
 
-def _check_sweep(arguments: list[str], jobs: list[list[str]]) -> None:
-    """A sweep writes into numbered folders of one `run_dir`, none of which may hold a run."""
-    if not is_multirun(arguments):
-        return
-    folders = {o.partition("=")[2] for job in jobs for o in job if o.startswith("run_dir=")}
-    if len(folders) > 1:
-        raise ConfigError("run_dir: a sweep has one; its jobs go into numbered folders there")
-    for folder in folders:
-        for number in range(len(jobs)):
-            _refuse_finished_run(Path(folder) / str(number))
-
-
-def _refuse_finished_run(folder: Path) -> None:
-    if (folder / "metrics.json").exists():
-        raise ConfigError(f"run_dir = {folder}: already holds a run; name another folder")
-
-
-def _one_line(error: Exception) -> str:
-    text = str(error).strip()
-    missing = re.search(r"Could not find '([^']+)/([^'/]+)'", text)
-    if missing:
-        options = re.search(
-            r"Available options in '[^']+':\s*((?:\S+\s*)+?)(?:Config search|$)", text
-        )
-        group, name = missing.groups()
-        names = ", ".join(options.group(1).split()) if options else "see --help"
-        return f"unknown {group} '{name}'; choose from {names}"
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    cause = error.__cause__
-    first = lines[0] if lines else ""
-    if not isinstance(error, MannError | HydraException | OmegaConfBaseException):
-        first = f"{type(error).__name__}: {first}"
-    if cause is not None and str(cause).strip():
-        first = f"{first} ({str(cause).strip().splitlines()[0]})"
-    return first
+def _check_options(arguments: list[str]) -> None:
+    """Raise `ConfigError` for an option that Hydra does not have; it would print its usage."""
+    known = get_args_parser()._option_string_actions
+    for argument in arguments:
+        name = argument.partition("=")[0]
+        if name.startswith("-") and name not in known:
+            raise ConfigError(f"unknown option '{name}'; see --help")

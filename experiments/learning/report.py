@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -13,9 +13,10 @@ import torch
 from mann_torch.memory import MemoryTrace, reallocation_log
 from mann_torch.statistics import mean_and_half
 
+from ..records.recording import MAX_POINTS, log_summary, summary_writer, telling_settings
 from ..runs.figures import save
-from ..runs.recording import MAX_POINTS, log_summary, summary_writer, telling_settings
-from ..runs.writing import csv_text, write_arrays, write_json, write_text
+from ..runs.life import finish
+from ..runs.writing import csv_text, write_arrays, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -132,8 +133,19 @@ def write_report(folder: Path, command: str, report: Report) -> None:
         write_text(folder / f"{name}.csv", csv_text(rows))
     write_text(folder / "report.md", f"`{command}`\n\n{table.markdown}\n\n{report.note}\n")
     write_arrays(folder / "arrays.npz", report.arrays)
+
+
+def conclude(
+    folder: Path, cfg: Any, command: str, report: Report, draw: Callable[[], dict[str, Figure]]
+) -> None:
+    """Everything on disk, pictures where they are wanted, the completion mark last."""
+    write_report(folder, command, report)
+    write_pictures(folder, cfg, report, draw() if cfg.figures else {})
+    table = report.comparison
     records = [dict(zip(table.header, row, strict=True)) for row in table.rows]
-    write_json(folder / "metrics.json", {**report.record, "table": records, "command": command})
+    finish(folder, {**report.record, "table": records, "command": command})
+    print(f"{table.markdown}\n\n{report.note}")
+    print(f"{report.record['wall_s']:.0f} s in all\nwritten to {folder}", flush=True)
 
 
 def write_pictures(folder: Path, cfg: Any, report: Report, figures: Mapping[str, Figure]) -> None:

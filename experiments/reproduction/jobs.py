@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,7 @@ from mann_torch.simulation.step_grid import StepGrid
 from ..building.batching import side_by_side
 from ..building.build import Experiment, build
 from ..building.ensembles import composed
-from ..runs.recording import metrics_of, signal_arrays
+from ..records.recording import metrics_of, signal_arrays
 from ..runs.workers import in_parallel
 from ..settings.config import ReproduceConfig, SimulateConfig
 from .plan import Job
@@ -46,10 +48,37 @@ class JobResult:
             "srmse_after_10s": self.srmse_after_10s,
             "reallocations": self.reallocations,
             "switches": self.switches,
+            "status": np.array(self.status),
+            "engine": np.array(self.engine),
+            "n_hidden": np.array(self.n_hidden),
         }
         for scenario, arrays in self.signals.items():
             flat |= {f"{scenario}/{name}": array for name, array in arrays.items()}
         return flat
+
+    @classmethod
+    def kept(cls, job: Job, path: Path) -> JobResult | None:
+        """What an .npz file of this job holds; None if there is none that can be read."""
+        try:
+            with np.load(path) as file:
+                arrays = dict(file)
+            signals: dict[str, dict[str, np.ndarray]] = {}
+            for key in (key for key in arrays if "/" in key):
+                scenario, name = key.split("/", 1)
+                signals.setdefault(scenario, {})[name] = arrays[key]
+            return cls(
+                job,
+                srmse=arrays["srmse"],
+                srmse_after_10s=arrays["srmse_after_10s"],
+                reallocations=arrays["reallocations"],
+                switches=arrays["switches"],
+                status=arrays["status"].tolist(),
+                signals=signals,
+                engine=str(arrays["engine"]),
+                n_hidden=int(arrays["n_hidden"]),
+            )
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+            return None
 
 
 def job_config(cfg: ReproduceConfig, job: Job, scenario: str) -> SimulateConfig:

@@ -12,19 +12,20 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ..functional import Numbers
+from ..functional import Numbers, as_float64
 from ..memory import relaxed
 from ..trees import leaf_names, leaves
 from ..types import NetworkState
 from .closed_loop import ClosedLoop
 from .engines import compiled_engine
 from .gradients import check_gradient, locates_events
-from .rollout import rollout
+from .rollout import common_shape, rollout
 from .scenario import Scenario
 from .solvers.implicit import Implicit
 from .solvers.solver import Solver
 from .step_grid import StepGrid
 from .task import task_of
+from .trajectory import Trajectory
 
 #: Seconds that the measured rollout should take, and steps it begins with.
 ENOUGH, FIRST = 0.2, 8
@@ -61,7 +62,7 @@ class Explanation:
         for name, shapes in kinds:
             listed = ", ".join(f"{leaf} {_shape(shape)}" for leaf, shape in shapes.items())
             rows.append((name, f"{sum(map(math.prod, shapes.values()))} numbers: {listed or '-'}"))
-        simulated = self.steps_per_second * self.dt / count
+        simulated = self.steps_per_second * self.dt / max(count, 1)
         rows.append(
             (
                 "speed",
@@ -91,33 +92,35 @@ def explain(
     solver = Implicit() if solver is None else solver
     check_gradient(gradient, solver, temperature)
     if network is None:
-        shape = torch.broadcast_shapes(scenario.batch_shape, loop.controller.batch_shape())
-        network = loop.controller.initial_network(shape, None)
+        network = loop.controller.initial_network(common_shape(loop, scenario, ()), None)
 
-    def run(steps: int) -> tuple[str, str, float]:
+    def run(steps: int) -> tuple[Trajectory, float]:
+        """So many steps, or all of the scenario, and their time."""
+        shorter = as_float64(scenario.horizon).clamp(max=steps * solver.dt)
         start = time.perf_counter()
         with torch.no_grad():
             found = rollout(
                 loop,
-                dataclasses.replace(scenario, horizon=steps * solver.dt),
+                dataclasses.replace(scenario, horizon=shorter),
                 solver,
                 network=network,
-                motion_dt=steps * solver.dt,
+                motion_dt=max(steps * solver.dt, solver.dt),
                 sample_until=0.0,
                 gradient=gradient,
                 temperature=temperature,
             )
-        return found.engine, found.engine_reason, time.perf_counter() - start
+        return found, time.perf_counter() - start
 
-    engine, reason, first = run(FIRST)
-    steps = FIRST
-    spent = run(steps)[2]
-    while spent < 0.5 * ENOUGH and steps < 10_000_000:
-        steps = int(steps * min(32.0, max(2.0, ENOUGH / spent)))
-        spent = run(steps)[2]
+    most = math.ceil(scenario.end / solver.dt)
+    steps = min(FIRST, most)
+    ran_here, first = run(steps)
+    spent = run(steps)[1]
+    while spent < 0.5 * ENOUGH and steps < most and not bool((ran_here.status != 0).any()):
+        steps = min(most, int(steps * min(32.0, max(2.0, ENOUGH / spent))))
+        ran_here, spent = run(steps)
+    engine, reason = ran_here.engine, ran_here.engine_reason
     ran = loop if temperature is None else relaxed(loop, temperature)
-    short = dataclasses.replace(scenario, horizon=solver.dt)
-    task = task_of(ran, short, solver, network, StepGrid(solver.dt, [], solver.dt))
+    task = task_of(ran, scenario, solver, network, StepGrid(solver.dt, [], solver.dt))
     operations: Mapping[str, int] = {}
     if engine == "compiled":
         task = dataclasses.replace(task, hybrid=locates_events(gradient, ran))

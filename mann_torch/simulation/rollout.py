@@ -110,7 +110,7 @@ def rollout(
     hybrid = locates_events(gradient, loop)
     obstacle = check_engine(loop, scenario, solver, engine, device)
     if network is None:
-        shape = _common_shape(loop, scenario, batch_shape)
+        shape = common_shape(loop, scenario, batch_shape)
         network = loop.controller.initial_network(shape, generator)
     grid = StepGrid(scenario.end, scenario.knots(), solver.dt)
     task = dataclasses.replace(
@@ -126,6 +126,8 @@ def rollout(
     )
     if task.batch.numel() == 0:
         obstacle = "an empty batch"
+    elif obstacle is not None and engine == "auto" and solver.fuses_step:
+        _warn_of_cost(task, obstacle)
     if obstacle is None:
         try:
             return _trajectory(task, compiled_engine.run(task))
@@ -208,7 +210,8 @@ def _trajectory(task: Task, record: Record) -> Trajectory:
     )
 
 
-def _common_shape(loop: ClosedLoop, scenario: Scenario, extra: Sequence[int]) -> torch.Size:
+def common_shape(loop: ClosedLoop, scenario: Scenario, extra: Sequence[int]) -> torch.Size:
+    """Batch shape of all of them. Raises `ShapeError`."""
     shapes = (scenario.batch_shape, loop.controller.batch_shape(), extra)
     try:
         return torch.broadcast_shapes(*(tuple(shape) for shape in shapes))

@@ -475,26 +475,36 @@ def test_a_run_without_pictures_imports_no_plotting(tmp_path: Path) -> None:
     assert out.stdout.splitlines()[-1] == "[]", out.stderr
 
 
-def test_a_finished_run_is_not_overwritten(
+def test_a_finished_run_is_skipped_and_never_overwritten(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     quiet = ["controller=nn", "horizon=0.05", "output.figures=false", f"run_dir={folder}"]
     assert run(monkeypatch, *quiet) == 0
     before = (folder / "metrics.json").read_bytes()
-    assert run(monkeypatch, *quiet) == 2
-    assert "already holds a run" in capsys.readouterr().err
-    assert (folder / "metrics.json").read_bytes() == before
-    assert run(monkeypatch, *quiet[:-1], f"hydra.run.dir={folder}") == 2
+    capsys.readouterr()
+    assert run(monkeypatch, *quiet) == 0
+    assert f"finished already, skipped: {folder}" in capsys.readouterr().out
+    assert run(monkeypatch, *quiet, "seed=3") == 2
+    said = capsys.readouterr().err
+    assert "already holds a run of other settings (initial.seed = " in said or "seed = " in said
+    assert run(monkeypatch, *quiet[:-1], f"hydra.run.dir={folder}") == 0
     assert (folder / "metrics.json").read_bytes() == before
 
 
-def test_a_finished_sweep_is_not_overwritten(
+def test_a_sweep_goes_on_where_it_stopped(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     quiet = ["-m", "controller=nn", "horizon=0.02", "output.figures=false", f"run_dir={folder}"]
     assert run(monkeypatch, *quiet, "seed=1,2") == 0
+    kept = (folder / "0" / "metrics.json").read_bytes()
+    done = (folder / "1" / "trajectory.npz").read_bytes()
+    (folder / "1" / "metrics.json").unlink()
+    assert run(monkeypatch, *quiet, "seed=1,2") == 0
+    assert capsys.readouterr().out.count("skipped") == 1
+    assert (folder / "0" / "metrics.json").read_bytes() == kept
+    assert (folder / "1" / "trajectory.npz").read_bytes() == done
     assert run(monkeypatch, *quiet, "seed=5,6") == 2
-    assert "already holds a run" in capsys.readouterr().err
+    assert "already holds a run of other settings" in capsys.readouterr().err
 
 
 def test_a_run_dir_below_a_file_is_refused(

@@ -52,8 +52,11 @@ def test_a_run_leaves_constants_judgement_and_curves(
     log = EventAccumulator(str(folder), size_guidance={"scalars": 0}).Reload()
     assert [e.step for e in log.Scalars("tune/objective")] == [0, 1, 2]
     assert not [path for path in folder.rglob("events.out*") if path.parent != folder]
-    again = run(monkeypatch, *arguments, f"run_dir={folder}")
-    assert again == 2  # a finished run is not written over
+    before = (folder / "metrics.json").read_bytes()
+    assert run(monkeypatch, *arguments, f"run_dir={folder}") == 0  # skipped
+    assert run(monkeypatch, f"resume={folder}") == 0  # so too
+    assert run(monkeypatch, *arguments, "seed=9", f"run_dir={folder}") == 2
+    assert (folder / "metrics.json").read_bytes() == before
 
 
 def test_killed_at_any_moment_and_resumed_it_ends_in_the_same_constants(

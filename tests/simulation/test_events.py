@@ -83,6 +83,20 @@ def test_the_derivative_is_the_one_by_hand(name: str, dt: float, way: str) -> No
     assert abs(found - expected) <= 1e-8
 
 
+def test_second_derivatives_go_through_the_events_time() -> None:
+    """x(T) = 1 + 3 (T - 1/a): d2x/da2 = -6 / a^3; after a reset against differences."""
+    for name, expected in (("switch", -6.0 / 0.9**3), ("reset", None)):
+        toy, at, end, _ = CASES[name]
+        if expected is None:
+            slopes = [reset_slope(at + step, end) for step in (1e-5, -1e-5)]
+            expected = (slopes[0] - slopes[1]) / 2e-5
+        a = number(at).requires_grad_(True)
+        value = toy(a).run(ZERO, steps(end, 0.3))[0]
+        (first,) = torch.autograd.grad(value, a, create_graph=True)
+        (second,) = torch.autograd.grad(first, a)
+        assert abs(float(second) - expected) <= 1e-6 * abs(expected)
+
+
 @pytest.mark.parametrize("name", list(CASES))
 def test_canary_plain_differentiation_is_wrong_at_every_step(name: str) -> None:
     toy, at, end, expected = CASES[name]

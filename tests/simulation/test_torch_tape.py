@@ -114,26 +114,134 @@ def test_a_tensor_that_no_module_owns_keeps_its_gradient() -> None:
     assert all(torch.equal(a, b) for a, b in zip(*slopes, strict=True))
 
 
-class Counting(mt.TwoLinkArm):
-    """Heavier by what it has counted so far."""
+class Derived(mt.TwoLinkArm):
+    """Gravity scaled by a number made of a parameter once and for all."""
 
     def __init__(self) -> None:
         super().__init__()
+        self.scale = torch.nn.Parameter(torch.tensor(0.9, dtype=torch.float64))
+        self.square = self.scale.square()
+
+    def load(self, q: Tensor, qd: Tensor, coefficients: Any) -> Tensor:
+        return super().load(q, qd, coefficients) * self.square
+
+
+class Part(torch.nn.Module):
+    def __init__(self) -> None:
+        super().__init__()
+        self.scale = torch.nn.Parameter(torch.tensor(0.9, dtype=torch.float64))
+
+
+class Tied(mt.TwoLinkArm):
+    """One parameter under two names."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.one, self.two = Part(), Part()
+        self.two.scale = self.one.scale
+
+    def load(self, q: Tensor, qd: Tensor, coefficients: Any) -> Tensor:
+        return super().load(q, qd, coefficients) * self.one.scale * self.two.scale
+
+
+class Drawing(mt.TwoLinkArm):
+    """Gravity that trembles."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.scale = torch.nn.Parameter(torch.tensor(0.1, dtype=torch.float64))
+
+    def load(self, q: Tensor, qd: Tensor, coefficients: Any) -> Tensor:
+        return super().load(q, qd, coefficients) * (1.0 + self.scale * torch.randn(()).double())
+
+
+@pytest.mark.parametrize("kind", [Derived, Tied, Drawing])
+def test_what_cannot_be_computed_again_keeps_its_tape(kind: type[mt.Plant]) -> None:
+    slopes = []
+    for memory in (WHOLE, CUT):
+        plant = kind()
+        loop = mt.ClosedLoop(plant, make_loop("nn").controller)
+        torch.manual_seed(3)
+        run = mt.rollout(loop, make_scenario(0.3), engine="torch", tape_memory=memory)
+        (owned,) = plant.parameters()
+        slopes.append(torch.autograd.grad(run.q.square().sum(), owned)[0])
+    assert bool(slopes[0].any()) and torch.equal(*slopes)
+
+
+class Counting(mt.TwoLinkArm):
+    """Heavier by what it has counted so far."""
+
+    def __init__(self, in_place: bool) -> None:
+        super().__init__()
+        self.in_place = in_place
         self.register_buffer("count", torch.zeros((), dtype=torch.float64))
 
     def load(self, q: Tensor, qd: Tensor, coefficients: Any) -> Tensor:
-        self.count += 1.0
-        return super().load(q, qd, coefficients) * (1.0 + 1e-4 * self.count.clone())
+        if self.in_place:
+            self.count += 1.0
+        else:
+            self.count = self.count + 1.0
+        return super().load(q, qd, coefficients) * (1.0 + 1e-3 * self.count.clone())
 
 
-def test_a_loop_that_counts_is_not_run_twice() -> None:
-    plant = Counting()
-    loop = mt.ClosedLoop(plant, make_loop("nn").controller)
+@pytest.mark.parametrize("in_place", [True, False])
+def test_a_loop_that_counts_is_not_run_twice(in_place: bool) -> None:
+    ends = []
+    for memory in (WHOLE, CUT):
+        plant = Counting(in_place)
+        loop = mt.ClosedLoop(plant, make_loop("nn").controller)
+        (gain,) = loop.controller.tune("base_gain")
+        run = mt.rollout(loop, make_scenario(0.3), engine="torch", tape_memory=memory)
+        calls = float(plant.count)
+        torch.autograd.grad(run.q.square().sum(), gain)
+        assert float(plant.count) == calls > 0
+        ends.append(run.q.detach())
+    assert torch.equal(*ends)
+    run = mt.rollout(mt.ClosedLoop(Counting(in_place), loop.controller), make_scenario(0.3))
+    assert run.engine == "eager", run.engine_reason
+
+
+class Tallying(mt.TwoLinkArm):
+    """The same with a Python number, which nobody sees."""
+
+    tally = 0
+
+    def load(self, q: Tensor, qd: Tensor, coefficients: Any) -> Tensor:
+        self.tally += 1
+        return super().load(q, qd, coefficients) * (1.0 + 1e-3 * self.tally)
+
+
+class Late(Hidden):
+    """Asks for the hidden number once the arm has moved."""
+
+    def load(self, q: Tensor, qd: Tensor, coefficients: Any) -> Tensor:
+        load = mt.TwoLinkArm.load(self, q, qd, coefficients)
+        return load * self.hidden[0] if bool((q.abs() > 0.05).any()) else load
+
+
+@pytest.mark.parametrize(("kind", "words"), [(Tallying, "draws or counts"), (Late, "no module")])
+def test_what_shows_too_late_is_refused(kind: type[mt.Plant], words: str) -> None:
+    loop = mt.ClosedLoop(kind(), make_loop("nn").controller)
     (gain,) = loop.controller.tune("base_gain")
-    run = mt.rollout(loop, make_scenario(0.3), engine="torch", tape_memory=CUT)
-    calls = float(plant.count)
-    torch.autograd.grad(run.q.square().sum(), gain)
-    assert float(plant.count) == calls > 0
+    run = mt.rollout(loop, make_scenario(0.5), engine="torch", tape_memory=CUT)
+    with pytest.raises(mt.SolverError, match=words):
+        torch.autograd.grad(run.q.square().sum(), gain)
+
+
+def test_a_module_changed_later_changes_no_gradient() -> None:
+    made, free = freed(case("reallocating_always", 0.3))
+    memory = made.loop.controller.memory
+    assert memory is not None
+    found = []
+    for tape in (WHOLE, CUT):
+        runs = []
+        for reset in ("scaled", "raw"):
+            memory.reset = reset
+            runs.append(made.run(engine="torch", tape_memory=tape))
+        loss = sum(loss_of(run).sum() for run in runs)
+        found.append(torch.autograd.grad(loss, [free["base_gain"], free["W"]]))
+    for a, b in zip(*found, strict=True):
+        torch.testing.assert_close(a, b, rtol=1e-11, atol=0)
 
 
 def test_a_sample_that_diverges_leaves_its_mates_their_gradients() -> None:

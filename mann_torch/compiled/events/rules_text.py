@@ -78,8 +78,8 @@ struct Rules : Lanes {{
   }
   static inline CUDA_CALLABLE V largest(const V* g, const M* crossed) {
     V found = -inf_();
-    for (int j = 0; j < N_EVENTS; ++j)
-      found = sel(crossed[j] & gt(g[j], found), g[j], found);
+    for (int j = 0; j < N_EVENTS; ++j)  // as torch: no number stays none
+      found = sel(crossed[j] & (gt(g[j], found) | ne(g[j], g[j])), g[j], found);
     return found;
   }
   static inline CUDA_CALLABLE M which(const V* g, const M* crossed) {
@@ -95,7 +95,7 @@ struct Rules : Lanes {{
   static inline CUDA_CALLABLE M attend(const V* distances, M before) {
     V best = distances[0]; M nearest = isplat(0);
     for (int j = 1; j < N_SLOTS; ++j) {
-      const M nearer = lt(distances[j], best);
+      const M nearer = lt(distances[j], best) | (ne(distances[j], distances[j]) & eq(best, best));
       best = sel(nearer, distances[j], best);
       nearest = isel(nearer, isplat(j), nearest);
     }

@@ -36,7 +36,9 @@ struct Step : Rules {
       near(scene, t, f_0, k_0, before);
     }
     const M s = attend(before, k_0[K_ATTENDED]);
+    const M changed = ine(s, k_0[K_ATTENDED]);
     attending(k_0, s);
+    if (any(changed)) near(scene, t, f_0, k_0, before);  // it may read what is attended
     // The step, if nothing happens.
     branch(own, s);
     held(scene, t, h, own, f_0, k_0, f_1);

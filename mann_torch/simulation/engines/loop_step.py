@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Self
 import torch
 from torch import Tensor
 
-from ...compiled import Layout, Leaf, frozen, with_tensors
+from ...compiled import Layout, Leaf, UntraceableError, frozen, with_tensors
 from ...plants.plant import Coefficients
 from ...signals import Reference, scaled
 from ...trees import Packer, leaves, map_tensors, rebuilt
@@ -19,6 +19,7 @@ from ...types import LoopState, Measurement, Mode
 from ..solvers.flat_flow import flat_rates
 from ..step_grid import MERGE
 from ..task import Task
+from .loop_parts import held_tensors
 from .stepping import advance
 
 #: Numbers of the clock: time, step, the next time and its share; with effort also one over the
@@ -140,6 +141,11 @@ class LoopStep:
         coefficients = rebuilt(self._coefficients, segments)
         with with_tensors(self._loop, own), with_tensors(self._reference, signal):
             yield Bound(coefficients, measured, constants[last])
+            for module, given in ((self._loop, own), (self._reference, signal)):
+                held = held_tensors(module)
+                for name, tensor in given.items():
+                    if held.get(name) is not tensor:
+                        raise UntraceableError(f"steps put another tensor into {name}")
 
     def _summed(
         self,

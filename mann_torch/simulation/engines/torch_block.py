@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,9 +11,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ...compiled import with_tensors
+from ...compiled import frozen, with_tensors
 from ...plants.plant import Coefficients
-from ...signals import Reference
 from ...trees import leaves, map_tensors, rebuilt
 from ...types import Mode
 from ..task import Task
@@ -110,27 +110,29 @@ class Block:
         return Found(Front(carry, stopped, fallen), trail_of(motion, kept, torques))
 
     def recomputed(self, front: Front) -> Found:
-        """The same without a tape."""
-        loop, reference = self.task.loop, self.task.reference
-        own, signal = held_tensors(loop), held_tensors(reference)
+        """The same without a tape; for a block of a `twin`."""
         form: list[Found] = []
 
         def stretch(flat: Sequence[Tensor]) -> Sequence[Tensor]:
-            parts = iter(flat)
-            mine = {name: next(parts) for name in own}
-            others = {name: next(parts) for name in signal}
-            coefficients = map_tensors(lambda _: next(parts), self.coefficients)
-            task = self.task
-            if task.noise is not None:
-                task = dataclasses.replace(task, noise=task.noise._replace(std=next(parts)))
-            with with_tensors(loop, mine), with_tensors(reference, others):
-                block = dataclasses.replace(self, task=task, coefficients=coefficients)
-                found = block.run(rebuilt(front, list(parts)))
+            found = self._on(front, flat)
             form[:] = [map_tensors(Tensor.detach, found)]
             return leaves(found)
 
         found = recomputed(stretch, self._given(front))
         return rebuilt(form[0], found)
+
+    def _on(self, front: Front, flat: Sequence[Tensor]) -> Found:
+        """The steps with these tensors in place of `_given`."""
+        task, parts = self.task, iter(flat)
+        mine = {name: next(parts) for name in held_tensors(task.loop)}
+        others = {name: next(parts) for name in held_tensors(task.reference)}
+        coefficients = map_tensors(lambda _: next(parts), self.coefficients)
+        if task.noise is not None:
+            noise = task.noise._replace(std=next(parts))
+            task = dataclasses.replace(task, noise=noise)
+        with with_tensors(task.loop, mine), with_tensors(task.reference, others):
+            block = dataclasses.replace(self, task=task, coefficients=coefficients)
+            return block.run(rebuilt(front, list(parts)))
 
     def _given(self, front: Front) -> list[Tensor]:
         """All that the steps depend on: of loop, reference, plant, noise, and where they begin."""
@@ -139,18 +141,47 @@ class Block:
         std = [] if task.noise is None else [task.noise.std]
         return [*held, *leaves(self.coefficients), *std, *leaves(front)]
 
-    def can_be_cut(self, versions: Sequence[int], before: Front, found: Found) -> bool:
-        """Whether such steps may be computed again, once they have been run.
+    def can_be_cut(self, front: Front) -> bool:
+        """Whether such steps may be computed again: asked of a block of a `twin`, of one step.
 
-        Not if they change a tensor of the loop in place, which would be changed again, or reach a
-        tensor that loop and reference do not own up to: its gradient would be lost.
+        Not if gradients take another way than through what is put in place: a tensor that no
+        module owns, one derived from a parameter before, a parameter under two names.
         """
-        return versions == versions_of(self.task.loop, self.task.reference) and reaches_only(
-            leaves(found), self._given(before)
+        with torch.random.fork_rng(devices=[]):
+            given = [x.view_as(x) for x in self._given(front)]
+            one = dataclasses.replace(self, last=self.first + 1)
+            return reaches_only(leaves(one._on(front, given)), given)
+
+
+def twin(task: Task) -> Task:
+    """The task on copies of its modules: what is changed in them later changes no step of it."""
+    return dataclasses.replace(
+        task,
+        loop=frozen(task.loop),
+        reference=frozen(task.reference),
+        solver=copy.copy(task.solver),
+    )
+
+
+class Marks:
+    """What steps must leave as it is if they are to be computed again."""
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+        self._tensors = self._held()
+        self._versions = [x._version for x in self._tensors]
+        self._random = torch.get_rng_state()
+
+    def _held(self) -> list[Tensor]:
+        task = self._task
+        return [*held_tensors(task.loop).values(), *held_tensors(task.reference).values()]
+
+    def untouched(self) -> bool:
+        """No tensor changed in place or replaced, no random number drawn."""
+        now = self._held()
+        return (
+            len(now) == len(self._tensors)
+            and all(a is b for a, b in zip(now, self._tensors, strict=True))
+            and self._versions == [x._version for x in now]
+            and torch.equal(self._random, torch.get_rng_state())
         )
-
-
-def versions_of(loop: torch.nn.Module, reference: Reference) -> list[int]:
-    """How often each tensor was changed in place."""
-    held = (*held_tensors(loop).values(), *held_tensors(reference).values())
-    return [x._version for x in held]

@@ -16,7 +16,7 @@ from ..step_grid import MERGE, counted_in, shares_of
 from ..task import Effort, Record, Task
 from ..trajectory import Status
 from .stepping import Carry, Stepper
-from .torch_block import Block, Front, joined, trail_of, versions_of
+from .torch_block import Block, Front, Marks, joined, trail_of, twin
 
 #: Steps that are computed again at a time, where not all fit on the tape.
 BLOCK = 20
@@ -40,14 +40,18 @@ def run(task: Task, reason: str) -> Record:
     carry = Carry(y, task.mode, torch.ones(batch, dtype=torch.bool), events=events)
     front = Front(carry, torch.full(batch, -1), torch.zeros_like(y, requires_grad=False))
     trails = [trail_of([y[..., : 2 * n]], [carry] if 0 in task.state_rows else [], [])]
-    cut, versions = _is_long(task, y), versions_of(task.loop, task.reference)
+    long, marks = _is_long(task, y), Marks(task)
+    again: tuple[Task, Stepper] | None = None
     for first, last, coefficients in _blocks(task):
-        block = Block(task, stepper, coefficients, first, last)
-        if first > 0 and cut:
-            found = block.recomputed(front)
+        if again is not None:
+            found = Block(*again, coefficients, first, last).recomputed(front)
         else:
-            found = block.run(front)
-            cut = cut and block.can_be_cut(versions, front, found)
+            found = Block(task, stepper, coefficients, first, last).run(front)
+            if long and first == 0 and marks.untouched():
+                copies = twin(task)
+                own = Stepper(copies.loop, copies.solver, packer, task.limit, measured, task.hybrid)
+                if Block(copies, own, coefficients, first, last).can_be_cut(front):
+                    again = copies, own
         front = found.front
         trails.append(found.trail)
         if task.progress is not None:

@@ -116,6 +116,10 @@ def hybrid_step(
 
             exact = torch.where(isolated, derivative(along, root), 1.0)
             tau = tau - (value - value.detach()) / exact
+            # Once more, from where tau depends on y already: second derivatives are right too.
+            there = system.flow(t, tau, y, held, mode)
+            left = torch.where(isolated, _event(system, t + tau, there, mode, which), 0.0)
+            tau = tau - (left - left.detach()) / exact
         at = system.flow(t, tau, y, held, mode)
         at, mode = _happen(system, t + tau, at, mode, which, isolated)
         rest = system.flow(t + tau, h - tau, at, _branch(mode.attended, size), mode)

@@ -18,8 +18,8 @@ from mann_torch.simulation import ClosedLoop, Scenario, attended_slot, observe
 
 from ..command.cli import compose_job
 from ..command.overrides import as_typed
+from ..runs.figures import is_soft
 from ..settings.config import SimulateConfig
-from .figures import is_soft
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

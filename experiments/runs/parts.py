@@ -1,0 +1,74 @@
+"""Finished parts of a run on disk: what a killed run has done need not be done again."""
+
+from __future__ import annotations
+
+import dataclasses
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from .workers import in_parallel
+from .writing import write_arrays
+
+Part = TypeVar("Part")
+
+
+def save_part(path: Path, part: Any) -> None:
+    """A dataclass of numbers, arrays and dicts of arrays as one .npz file."""
+    flat: dict[str, np.ndarray] = {}
+    for field in dataclasses.fields(part):
+        value = getattr(part, field.name)
+        if isinstance(value, Mapping):
+            flat |= {f"{field.name}/{name}": array for name, array in value.items()}
+        else:
+            flat[field.name] = np.asarray(value)
+    write_arrays(path, flat)
+
+
+def load_part(kind: type[Part], path: Path) -> Part | None:
+    """The inverse; None if there is none that can be read."""
+    try:
+        with np.load(path) as file:
+            flat = dict(file)
+        given: dict[str, Any] = {}
+        for field in dataclasses.fields(kind):  # type: ignore[arg-type]
+            if str(field.type).startswith("dict"):
+                start = f"{field.name}/"
+                names = [name for name in flat if name.startswith(start)]
+                given[field.name] = {name.removeprefix(start): flat[name] for name in names}
+            else:
+                value = flat[field.name]
+                given[field.name] = value if value.ndim else value.item()
+        return kind(**given)
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+        return None
+
+
+def all_parts(
+    kind: type[Part],
+    work: Callable[..., Part],
+    given: Mapping[str, tuple[Any, ...]],
+    folder: Path,
+    workers: int,
+    counts: Sequence[int],
+    unit: str,
+    report_every: int,
+) -> dict[str, Part]:
+    """`work(*given[name], progress)` for every name, in order; what is on disk is not done again.
+
+    `counts`: how often each calls `progress`.
+    """
+    found = {name: load_part(kind, folder / f"{name}.npz") for name in given}
+    missing = [name for name in given if found[name] is None]
+    if len(missing) < len(given):
+        print(f"{len(given) - len(missing)} of {len(given)} parts were finished before")
+    total = sum(n for name, n in zip(given, counts, strict=True) if found[name] is None)
+    arguments = [given[name] for name in missing]
+    if missing:
+        for number, part in in_parallel(work, arguments, workers, total, unit, report_every):
+            found[missing[number]] = part
+            save_part(folder / f"{missing[number]}.npz", part)
+    return {name: part for name, part in found.items() if part is not None}
