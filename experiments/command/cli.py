@@ -114,6 +114,7 @@ def command_line(module: str) -> str:
 
 def _guarded(task: Callable[[Any], None], debugged: bool) -> Callable[[Any], None]:
     def guarded(cfg: Any) -> None:
+        early.settle()
         try:
             run_in(Path(HydraConfig.get().runtime.output_dir), cfg, task)
         except ConfigError as error:
