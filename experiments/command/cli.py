@@ -127,6 +127,7 @@ def command_line(module: str) -> str:
 
 def _guarded(task: Callable[[Any], None], debugged: bool) -> Callable[[Any], None]:
     def guarded(cfg: Any) -> None:
+        early.settle()
         try:
             run = HydraConfig.get()
             with part_of_sweep(one_line, " ".join(map(as_typed, run.overrides.task))):

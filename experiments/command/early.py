@@ -19,16 +19,25 @@ from .overrides import quote_numeric_names
 
 #: Options that ask something about a command, and run nothing.
 ASKING = ("--help", "-h", "--hydra-help", "--version", "--info", "-i", "--shell-completion", "-sc")
+#: How rarely garbage is looked for: while a command is imported, and while it runs.
+_STARTING, _RUNNING = (100_000, 20, 100), (10_000, 10, 10)
 
 
 def begin(command: str) -> None:
     """Answer what only asks, and exit; be quick about what is imported next."""
     # Importing and tracing make a million objects that stay: looking for garbage among them, on
     # the way and once more at the end, would take as long as importing torch.
-    gc.set_threshold(100_000, 20, 100)
+    gc.set_threshold(*_STARTING)
     atexit.register(gc.freeze)
     if asks(sys.argv[1:]):
         answer(command)
+
+
+def settle() -> None:
+    """Look for garbage again, among what is made from now on."""
+    if gc.get_threshold() == _STARTING:
+        gc.freeze()
+        gc.set_threshold(*_RUNNING)
 
 
 def asks(arguments: list[str]) -> bool:

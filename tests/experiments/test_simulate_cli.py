@@ -377,6 +377,9 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> Path:
         text = (CONF / group / f"{like}.yaml").read_text().replace(f"name: {like}", f"name: {name}")
         (base / group).mkdir()
         (base / group / f"{name}.yaml").write_text(text.replace('name: "1"', 'name: "7"'))
+    table = "{title: Mine, scenario: '7', rows: [{variant: nn, label: NN}]}"
+    (base / "experiment").mkdir()
+    (base / "experiment" / "mine.yaml").write_text(f"# @package tables.mine\n{table}\n")
     return base
 
 
@@ -390,6 +393,29 @@ def test_own_groups_are_found(
     assert run(monkeypatch, *where, *chosen, *quiet, f"run_dir={folder}") == 0
     metrics = json.loads((folder / "metrics.json").read_text())
     assert metrics["scenario"] == "7" and metrics["controller"] == "small"
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments"),
+    [
+        ("reproduce", ["experiment=[mine]"]),
+        ("tune", ["controller=small", "names=[base_gain]", "train.scenarios=['7']"]),
+        ("gradient_report", ["scenario=7", "keys=state"]),
+    ],
+)
+def test_own_groups_are_found_by_every_command(
+    command: str,
+    arguments: list[str],
+    own: Path,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    main = importlib.import_module(f"experiments.{command}").main
+    shown = [f"run_dir={folder}", "--cfg", "job", f"--config-dir={own}"]
+    assert exit_code(monkeypatch, main, *arguments, *shown) == 0
+    out, err = capfd.readouterr()
+    assert '"7"' in out.replace("'", '"') and err == ""
 
 
 def test_own_groups_are_offered_and_a_missing_folder_is_named(
