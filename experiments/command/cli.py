@@ -24,7 +24,6 @@ from mann_torch.errors import ConfigError, MannError
 from ..runs.life import check_folder, run_in
 from ..sweeps.jobs import part_of_sweep
 from ..sweeps.launchers import check_launcher
-from ..sweeps.report import end_of_sweep
 from . import early
 from .conf_files import CONF, SEARCH_KEY, search_path
 from .failing import fail, one_line, speak_any_terminal
@@ -74,7 +73,7 @@ def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[An
             entry(_guarded(task, debugged))()
         finally:  # after Ctrl-C too
             began = is_multirun(arguments) and swept and swept[0].is_dir()
-            failed = end_of_sweep(swept[0], configurations, command) if began else 0
+            failed = _end_of_sweep(configurations, command) if began else 0
         if failed:
             fail(MannError(f"{failed} of {len(configurations)} jobs failed"), FAILED)
     except KeyboardInterrupt:
@@ -87,6 +86,12 @@ def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[An
     finally:
         if not debugged:
             del os.environ["HYDRA_FULL_ERROR"]
+
+
+def _end_of_sweep(configurations: list[Any], command: str) -> int:
+    from ..sweeps.report import end_of_sweep  # scipy and more, where there was a sweep
+
+    return end_of_sweep(swept[0], configurations, command)
 
 
 def compose_job(config_name: str, overrides: list[str]) -> Any:
