@@ -182,9 +182,8 @@ def test_less_memory_means_fewer_cores_or_lanes_and_the_same_bits(
     assert torch.equal(runs[0].q, runs[1].q) and torch.equal(runs[0].q, runs[2].q)
 
 
-@pytest.mark.parametrize(
-    "name", ["nn", pytest.param("reallocating_always", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["nn", "reallocating_always"])
 def test_a_smaller_stack_gives_the_same_bits(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Arrays in the engine's memory instead of on the stack."""
     found = []

@@ -192,6 +192,7 @@ def test_killed_at_many_moments(name: str, tmp_path: Path) -> None:
     kill_and_repeat(tmp_path, name, draw.uniform(1.5, 7.0, 25).tolist())
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="mounts a file system")
 def test_a_full_disk_is_one_line_and_with_room_the_run_finishes(tmp_path: Path) -> None:
     disk = tmp_path / "disk"

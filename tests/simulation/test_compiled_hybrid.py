@@ -89,6 +89,7 @@ def test_twenty_seconds_and_their_gradients(name: str) -> None:
         assert worst <= 1e-9
 
 
+@pytest.mark.slow
 def test_a_samples_bits_depend_neither_on_its_mates_nor_on_threads() -> None:
     made, free = freed(case(QUICK[0], 0.3, batch=9))
     found = []

@@ -75,6 +75,7 @@ def test_gradients_equal_central_differences(name: str) -> None:
     assert bool((slopes != 0).all())
 
 
+@pytest.mark.slow
 def test_theta_has_a_gradient_where_distances_come_near_it() -> None:
     made = case("reallocating_always", 0.2)
     (theta,) = made.loop.controller.tune("shift_threshold")
@@ -107,7 +108,9 @@ def test_constants_per_sample_are_each_samples_own() -> None:
         torch.testing.assert_close(found, slope[i], rtol=1e-10, atol=0)
 
 
-@pytest.mark.parametrize("name", ["hard", "reallocating_always"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("hard", marks=pytest.mark.slow), "reallocating_always"]
+)
 def test_a_fresh_memory_whose_slots_are_all_alike_is_compiled_with_its_gradient(name: str) -> None:
     """At t = 0 the derivative hangs on rounding; a step later it does not."""
     loop = make_loop(name)
