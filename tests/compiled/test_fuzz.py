@@ -23,7 +23,8 @@ def test_random_graphs_and_their_gradients(number: int) -> None:
     print(f"{len(graphs)} graphs: largest difference {worst:.1e}")
 
 
-@pytest.mark.parametrize("threads", [pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.slow
+@pytest.mark.parametrize("threads", [1, 2])
 def test_bits_depend_neither_on_the_batch_nor_on_threads(threads: int) -> None:
     torch.set_num_threads(threads)
     given = inputs(11, seed=77)

@@ -95,6 +95,7 @@ def run_all(*cases: tuple[object, ...], more: str = "") -> None:
     assert done.returncode == 0, (done.returncode, done.stderr[-2000:])
 
 
+@pytest.mark.slow
 def test_slots_neurons_and_linear_systems_by_thousands() -> None:
     run_all(
         ("hard", 4000, 10, 5, 2, 3, False),  # attention, slots, neurons, batch, threads, steps

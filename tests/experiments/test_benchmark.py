@@ -89,9 +89,8 @@ def test_what_events_cost_is_compared() -> None:
     assert {len(line) for line in lines} == {len(lines[0])} and len(lines) == 4
 
 
-@pytest.mark.parametrize(
-    "part", ["arm of 3 links", pytest.param("KNearestAttention", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("part", ["arm of 3 links", "KNearestAttention"])
 def test_parts_of_ones_own_run_compiled(part: str) -> None:
     result = benchmark_parts.compare(benchmark_parts.Case(part, 2, 0.02, 0.2, rounds=1))
     assert result["apart"] < 1e-12 and result["gradient_apart"] < 1e-9

@@ -59,6 +59,7 @@ def test_a_run_leaves_constants_judgement_and_curves(
     assert (folder / "metrics.json").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_killed_at_any_moment_and_resumed_it_ends_in_the_same_constants(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -172,8 +172,8 @@ def loop(name: str) -> tuple[mt.ClosedLoop, mt.Scenario, mt.Solver | None]:
     )
 
 
-NAMES = ("learned torque", "waypoints", "heun", "3 links")
-SLOW = ("dragged arm", "k nearest", "5 links")
+NAMES = ("waypoints", "heun")
+SLOW = ("learned torque", "3 links", "dragged arm", "k nearest", "5 links")
 
 
 @pytest.mark.parametrize(

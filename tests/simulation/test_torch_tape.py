@@ -37,7 +37,7 @@ def nodes_behind(result: Tensor) -> int:
     [
         ("soft", {}),
         ("reallocating_always", {"gradient": "hybrid"}),
-        ("relaxed_always", {"effort_after": 0.1}),
+        pytest.param("relaxed_always", {"effort_after": 0.1}, marks=pytest.mark.slow),
         ("nn", {"noise": True}),
     ],
 )

@@ -96,7 +96,7 @@ def test_limits_of_ones_own_are_kept(engine: str) -> None:
     assert float(peak_error(slow).mean()) < 0.8 * float(peak_error(start).mean())
 
 
-@pytest.mark.parametrize("optimizer", ["adam", "lbfgs"])
+@pytest.mark.parametrize("optimizer", ["adam", pytest.param("lbfgs", marks=pytest.mark.slow)])
 def test_a_run_that_is_saved_and_loaded_ends_in_the_same_bits(optimizer: str) -> None:
     criterion = Criterion(time_above, {"speed": Limit(speed, 1.02, relative=True)}, scale=0.4)
     settings = {
