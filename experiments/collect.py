@@ -11,15 +11,14 @@ from typing import NoReturn
 
 from mann_torch.errors import ConfigError, MannError
 
+from .command.failing import BAD_INPUT, fail
 from .sweeps.gather import runs_below, same_command
 from .sweeps.report import write_sweep
-
-BAD_INPUT = 2
 
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        _fail(message)
+        fail(ConfigError(message), BAD_INPUT)
 
 
 def main() -> None:
@@ -42,12 +41,7 @@ def main() -> None:
         command = shlex.join(["python", "-m", "experiments.collect", *sys.argv[1:]])
         write_sweep(out, runs, command)
     except (MannError, OSError) as error:
-        _fail(str(error) if isinstance(error, ConfigError) else f"{error}")
-
-
-def _fail(message: str) -> NoReturn:
-    print(f"error: {message}", file=sys.stderr)
-    sys.exit(BAD_INPUT)
+        fail(error, BAD_INPUT)
 
 
 if __name__ == "__main__":

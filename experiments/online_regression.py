@@ -43,7 +43,7 @@ from .learning.report import (
     conclude,
     member_arrays,
 )
-from .runs.parts import all_parts
+from .runs.parts import all_parts, npz_parts
 from .settings.checks import check_between, check_positive, check_variants
 from .settings.memory_config import LEARNERS, OnlineRegressionConfig
 
@@ -229,12 +229,11 @@ def _task(cfg: Any) -> None:
     start = time.perf_counter()
     tuning = len(plain.rates) * plain.tuning_visits if len(plain.rates) > 1 else 0
     found = all_parts(
-        Learnt,
         learn,
         {variant: (plain, variant) for variant in plain.variants},
-        folder / "finished",
-        plain.workers,
         [plain.n_functions * (plain.visits + tuning)] * len(plain.variants),
+        npz_parts(Learnt, folder / "finished"),
+        plain.workers,
         "visit",
         1,
     )

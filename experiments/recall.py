@@ -42,7 +42,7 @@ from .learning.report import (
     conclude,
     member_arrays,
 )
-from .runs.parts import all_parts
+from .runs.parts import all_parts, npz_parts
 from .settings.checks import check_between, check_positive, check_variants
 from .settings.memory_config import RECALLERS, RecallConfig
 
@@ -197,12 +197,11 @@ def _task(cfg: Any) -> None:
     start = time.perf_counter()
     each = [(variant, seed) for variant in plain.variants for seed in range(plain.seeds)]
     ready = all_parts(
-        Learned,
         learn,
         {f"{variant}_{seed}": (plain, variant, seed) for variant, seed in each},
-        folder / "finished",
-        plain.workers,
         [n_iterations(plain, variant) for variant, _ in each],
+        npz_parts(Learned, folder / "finished"),
+        plain.workers,
         "iteration",
         20,
     )

@@ -19,17 +19,19 @@ from omegaconf import OmegaConf
 
 from mann_torch.errors import ConfigError
 
-from .command.cli import FAILED, command_line, reject_unknown, run_cli
+from .command.cli import command_line, reject_unknown, run_cli
+from .command.failing import FAILED
 from .records.recording import log_summary, summary_writer
 from .reproduction import golden as gold
 from .reproduction import tables
 from .reproduction.claims import Finding, findings
-from .reproduction.jobs import JobResult, batches, run_jobs
+from .reproduction.jobs import JobResult, batches, n_steps, run_job
 from .reproduction.plan import Job, judges_claims, plan
 from .reproduction.results import Results
 from .reproduction.tables import Cell
 from .runs import figures as pictures
 from .runs.life import finish
+from .runs.parts import all_parts
 from .runs.writing import aligned, csv_text, write_arrays, write_text
 from .settings.config import ReproduceConfig
 
@@ -128,15 +130,17 @@ def _task(cfg: Any) -> None:
 
 def _all_results(cfg: ReproduceConfig, jobs: list[Job], folder: Path) -> list[JobResult]:
     """Every variant's, in order; those on disk are not computed again."""
-    files = {job.variant: folder / f"{job.variant}.npz" for job in jobs}
-    found = {job.variant: JobResult.kept(job, files[job.variant]) for job in jobs}
-    missing = [job for job in jobs if found[job.variant] is None]
-    if len(missing) < len(jobs):
-        print(f"{len(jobs) - len(missing)} of {len(jobs)} variants were finished before")
-    for result in run_jobs(cfg, missing) if missing else ():
-        write_arrays(files[result.job.variant], result.arrays())
-        found[result.job.variant] = result
-    return [result for result in found.values() if result is not None]
+    of = {job.variant: job for job in jobs}
+
+    def read(variant: str) -> JobResult | None:
+        return JobResult.kept(of[variant], folder / f"{variant}.npz")
+
+    def write(variant: str, result: JobResult) -> None:
+        write_arrays(folder / f"{variant}.npz", result.arrays())
+
+    given = {variant: (cfg, job) for variant, job in of.items()}
+    counts = [n_steps(cfg, job) for job in jobs]
+    return list(all_parts(run_job, given, counts, (read, write), cfg.workers, "step").values())
 
 
 def _summary(all_cells: list[Cell]) -> str:

@@ -34,4 +34,4 @@ class SolverError(MannError, RuntimeError):
 
 
 class KernelError(MannError, RuntimeError):
-    """The fused kernel could not be compiled or loaded on this machine."""
+    """A compiled kernel could not be compiled or loaded on this machine."""

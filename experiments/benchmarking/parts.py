@@ -1,4 +1,4 @@
-"""Parts of one's own, compiled and on the torch engine: `python -m experiments.benchmark_parts`.
+"""Parts of one's own, compiled and on the torch engine: see `experiments.benchmark`.
 
 A planar arm of n links (`n_link`), and the attention of docs/extending.md.
 """

@@ -26,14 +26,11 @@ from ..sweeps.jobs import part_of_sweep
 from ..sweeps.launchers import check_launcher
 from . import early
 from .conf_files import CONF, SEARCH_KEY, search_path
-from .failing import fail, one_line, speak_any_terminal
+from .failing import BAD_INPUT, FAILED, INTERRUPTED, fail, one_line, speak_any_terminal
 from .hydra_setup import register, swept
 from .overrides import as_typed, is_multirun, job_name, jobs_of, quote_numeric_names, unknown_key
 
 register()
-
-#: Exit codes: a setting that cannot be used, a run that failed, Ctrl-C.
-BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
 
 def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[Any], None]) -> None:

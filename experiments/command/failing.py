@@ -5,11 +5,15 @@ from __future__ import annotations
 import os
 import re
 import sys
+from typing import NoReturn
 
 from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
 from mann_torch.errors import MannError
+
+#: Exit codes: a setting that cannot be used, a run that failed, Ctrl-C.
+BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
 
 def speak_any_terminal() -> None:
@@ -19,7 +23,7 @@ def speak_any_terminal() -> None:
             stream.reconfigure(errors="replace")
 
 
-def fail(error: BaseException, code: int) -> None:
+def fail(error: BaseException, code: int) -> NoReturn:
     """One line on stderr, then exit."""
     if isinstance(error, BrokenPipeError):
         # What is left in the buffer would fail again when Python ends.

@@ -1,10 +1,10 @@
-"""Run jobs, two at a time: each is one controller variant, a batched rollout a horizon."""
+"""Run a job: it is one controller variant, a batched rollout a horizon."""
 
 from __future__ import annotations
 
 import dataclasses
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ from ..building.batching import side_by_side
 from ..building.build import Experiment, build
 from ..building.ensembles import composed
 from ..records.recording import metrics_of, signal_arrays
-from ..runs.workers import in_parallel
 from ..settings.config import ReproduceConfig, SimulateConfig
 from .plan import Job
 
@@ -179,11 +178,3 @@ def _run(
         device=cfg.solver.device,
         progress=progress,
     )
-
-
-def run_jobs(cfg: ReproduceConfig, jobs: list[Job]) -> Iterator[JobResult]:
-    """Results in the order in which they become ready, with one progress bar over all steps."""
-    total = sum(n_steps(cfg, job) for job in jobs)
-    given = [(cfg, job) for job in jobs]
-    for _, result in in_parallel(run_job, given, cfg.workers, total, "step"):
-        yield result

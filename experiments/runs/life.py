@@ -25,7 +25,7 @@ from .writing import write_json, write_text
 
 SETTINGS, LOCK, MARK = "config.yaml", ".lock", "metrics.json"
 #: Where a run works and what shows meanwhile: no part of what it computes.
-_ELSEWHERE = ("run_dir", "resume", "workers")
+ELSEWHERE = ("run_dir", "resume", "workers")
 _TEMPORARY = re.compile(r"\..+\.[0-9a-f]{8}")
 
 
@@ -137,7 +137,7 @@ def _check_settings(folder: Path, cfg: Any) -> None:
 def _comparable(tree: Any) -> Any:
     if not isinstance(tree, dict):
         return tree
-    return {key: value for key, value in tree.items() if key not in _ELSEWHERE}
+    return {key: value for key, value in tree.items() if key not in ELSEWHERE}
 
 
 def _differences(there: Any, here: Any, name: str = "") -> Iterator[tuple[str, Any, Any]]:

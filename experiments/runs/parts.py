@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from .workers import in_parallel
+from .workers import REPORT_EVERY, in_parallel
 from .writing import write_arrays
 
 Part = TypeVar("Part")
@@ -47,21 +47,32 @@ def load_part(kind: type[Part], path: Path) -> Part | None:
         return None
 
 
+def npz_parts(
+    kind: type[Part], folder: Path
+) -> tuple[Callable[[str], Part | None], Callable[[str, Part], None]]:
+    """How `all_parts` reads and writes dataclasses in a folder."""
+    return (
+        lambda name: load_part(kind, folder / f"{name}.npz"),
+        lambda name, part: save_part(folder / f"{name}.npz", part),
+    )
+
+
 def all_parts(
-    kind: type[Part],
     work: Callable[..., Part],
     given: Mapping[str, tuple[Any, ...]],
-    folder: Path,
-    workers: int,
     counts: Sequence[int],
+    kept: tuple[Callable[[str], Part | None], Callable[[str, Part], None]],
+    workers: int,
     unit: str,
-    report_every: int,
+    report_every: int = REPORT_EVERY,
 ) -> dict[str, Part]:
     """`work(*given[name], progress)` for every name, in order; what is on disk is not done again.
 
-    `counts`: how often each calls `progress`.
+    `counts`: how often each calls `progress`. `kept`: what reads a part, or gives None, and what
+    writes one; each is written when it is ready.
     """
-    found = {name: load_part(kind, folder / f"{name}.npz") for name in given}
+    read, write = kept
+    found = {name: read(name) for name in given}
     missing = [name for name in given if found[name] is None]
     if len(missing) < len(given):
         print(f"{len(given) - len(missing)} of {len(given)} parts were finished before")
@@ -70,5 +81,5 @@ def all_parts(
     if missing:
         for number, part in in_parallel(work, arguments, workers, total, unit, report_every):
             found[missing[number]] = part
-            save_part(folder / f"{missing[number]}.npz", part)
+            write(missing[number], part)
     return {name: part for name, part in found.items() if part is not None}

@@ -15,14 +15,13 @@ from yaml import YAMLError  # type: ignore[import-untyped]
 
 from mann_torch.errors import ConfigError
 
+from ..runs.life import ELSEWHERE, MARK, SETTINGS
 from .jobs import failure_of
 from .measures import Measured, command_of, measured
 
-#: Where a run works, and how many processes share it: no part of what it computes.
-_ELSEWHERE = ("run_dir", "resume", "workers")
 #: Not a setting but what it led to: a column where not all runs went by the same engine.
 ENGINE = "engine"
-_METRICS, _SETTINGS, _HYDRA = "metrics.json", "config.yaml", ".hydra"
+_HYDRA = ".hydra"
 
 
 @dataclass(frozen=True)
@@ -44,14 +43,14 @@ class Run:
 
 def read_run(folder: Path, name: str, cfg: Any = None) -> Run:
     """The run of a folder. `cfg`: what it would have been told, if it wrote no settings."""
-    tree = _settings(folder / _SETTINGS) or _settings(folder / _HYDRA / _SETTINGS)
+    tree = _settings(folder / SETTINGS) or _settings(folder / _HYDRA / SETTINGS)
     if tree is None and cfg is not None:
         tree = OmegaConf.to_container(cfg, resolve=True)
     settings = dict(flat(tree or {}))
     named = tuple(_named(folder / _HYDRA / "overrides.yaml"))
     failed = failure_of(folder)
     try:
-        record = json.loads((folder / _METRICS).read_text())
+        record = json.loads((folder / MARK).read_text())
         command = command_of(record)
         metrics, status = measured(record) if command else ({}, "not of these commands")
         if "engine" in record:
@@ -121,7 +120,7 @@ def flat(tree: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
     for key, value in tree.items():
         if isinstance(value, Mapping) and value:
             yield from flat(value, f"{prefix}{key}.")
-        elif prefix or key not in _ELSEWHERE:
+        elif prefix or key not in ELSEWHERE:
             yield f"{prefix}{key}", value
 
 
@@ -139,7 +138,7 @@ def _follows(values: Sequence[Any], names: Sequence[Any]) -> bool:
 def _run_folders(folder: Path) -> Iterator[Path]:
     """Folders that hold a run, not those inside one."""
     children = {entry.name: entry for entry in os.scandir(folder)}
-    if {_METRICS, _SETTINGS, _HYDRA} & children.keys():
+    if {MARK, SETTINGS, _HYDRA} & children.keys():
         yield folder
         return
     names = [name for name, entry in children.items() if entry.is_dir() and name[0] != "."]

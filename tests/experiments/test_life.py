@@ -122,7 +122,7 @@ def test_finished_variants_are_not_computed_again(
     (tmp_path / "run" / "metrics.json").unlink()
     capsys.readouterr()
     assert exit_code(monkeypatch, reproduce.main, *arguments) == 0
-    assert f"{len(kept) - 2} of {len(kept)} variants were finished" in capsys.readouterr().out
+    assert f"{len(kept) - 2} of {len(kept)} parts were finished before" in capsys.readouterr().out
     assert (tmp_path / "run" / "tables.csv").read_bytes() == tables
 
 

@@ -52,7 +52,7 @@ struct Step : Rules {
       pending = pending | gt(after[j], tie());
     }
     M slid = none, located = none, partner = s, event = s, next = s;
-    V root = zero, slope = splat(1.0);
+    V root = zero, value = zero, slope = splat(1.0);
     for (int e = 0; e < N_K; ++e) k_out[e] = k_0[e];
     if (any(open)) {
       const M single = open & ~crossed[N_SLOTS];
@@ -77,6 +77,7 @@ struct Step : Rules {
         for (int j = 0; j < N_EVENTS; ++j) crossed[j] = crossed[j] & ~slid;
         root = first(scene, t, h, own, f_0, k_0, s, f_2, before, after, there, crossed, open);
         event = which(there, crossed);
+        value = at(there, event);
         slope = slope_at(scene, t, h, root, own, f_0, k_0, s, f_2, there, event);
         const V rise = largest(after, crossed) - largest(before, crossed);
         located = open & gt(slope * h, graze() * rise + flat());
@@ -85,10 +86,7 @@ struct Step : Rules {
       if (any(located)) {
         root = sel(located, root, splat(0.5) * h);
         slope = sel(located, slope, splat(1.0));
-        held(scene, t, root, own, f_0, k_0, f_2);
-        near(scene, t + root, f_2, k_0, there);
-        events(there, s);
-        const V tau = root - sel(located, at(there, event), zero) / slope;
+        const V tau = root - sel(located, value, zero) / slope;
         held(scene, t, tau, own, f_0, k_0, f_2);
         for (int e = 0; e < N_K; ++e) k_2[e] = k_0[e];
         const M resets = located & ieq(event, isplat(N_SLOTS));

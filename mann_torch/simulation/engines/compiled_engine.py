@@ -11,7 +11,6 @@ import torch
 from torch import Tensor
 
 from ...compiled import (
-    EventProgram,
     Job,
     Marched,
     Program,
@@ -136,11 +135,7 @@ def _program(task: Task, reference: Reference, step: LoopStep, rows: Rows) -> Pr
             carry = [c[0].detach() for c in rows.carry]
             try:
                 examples = [*clock, *one, *segment, *noise, *carry]
-                made: Program | UntraceableError = (
-                    EventProgram(step.freeze(), layout, examples)
-                    if isinstance(step, LoopEvents)
-                    else Program(step.freeze(), layout, examples)
-                )
+                made: Program | UntraceableError = step.program(step.freeze(), layout, examples)
             except UntraceableError as error:
                 made = error
             found = _PROGRAMS[key] = (made, prints.alive)

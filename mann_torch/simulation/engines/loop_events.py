@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from ...compiled import EVENT_LEAVES, Arguments, Layout, Places
+from ...compiled import EVENT_LEAVES, Arguments, EventProgram, Layout, Places
 from ...trees import leaf_names, leaves, rebuilt
 from ...types import LoopState, MemoryMode, Proximity
 from ..events.branches import Branches
@@ -30,6 +30,8 @@ class Scene(NamedTuple):
 
 class LoopEvents(LoopStep):
     """The hybrid step of a task; the carry ends with `EVENT_LEAVES`."""
+
+    program = EventProgram
 
     def __init__(self, task: Task, *arguments: Any) -> None:
         super().__init__(task, *arguments)

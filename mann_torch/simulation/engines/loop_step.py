@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Self
 import torch
 from torch import Tensor
 
-from ...compiled import Layout, Leaf, UntraceableError, frozen, with_tensors
+from ...compiled import Layout, Leaf, Program, UntraceableError, frozen, with_tensors
 from ...plants.plant import Coefficients
 from ...signals import Reference, scaled
 from ...trees import Packer, leaves, map_tensors, rebuilt
@@ -41,6 +41,9 @@ class LoopStep:
     Carry, in this order: q and qd, the integral of squared error, with effort the integral of
     squared torque rates, the peaks and the last torque; the rest of the state; the mode.
     """
+
+    #: What the compiler makes of it.
+    program: type[Program] = Program
 
     def __init__(
         self,

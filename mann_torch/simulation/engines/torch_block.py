@@ -137,9 +137,8 @@ class Block:
     def _given(self, front: Front) -> list[Tensor]:
         """All that the steps depend on: of loop, reference, plant, noise, and where they begin."""
         task = self.task
-        held = [*held_tensors(task.loop).values(), *held_tensors(task.reference).values()]
         std = [] if task.noise is None else [task.noise.std]
-        return [*held, *leaves(self.coefficients), *std, *leaves(front)]
+        return [*_held(task), *leaves(self.coefficients), *std, *leaves(front)]
 
     def can_be_cut(self, front: Front) -> bool:
         """Whether such steps may be computed again: asked of a block of a `twin`, of one step.
@@ -163,22 +162,23 @@ def twin(task: Task) -> Task:
     )
 
 
-class Marks:
+def _held(task: Task) -> list[Tensor]:
+    """The tensors of loop and reference."""
+    return [*held_tensors(task.loop).values(), *held_tensors(task.reference).values()]
+
+
+class Snapshot:
     """What steps must leave as it is if they are to be computed again."""
 
     def __init__(self, task: Task) -> None:
         self._task = task
-        self._tensors = self._held()
+        self._tensors = _held(task)
         self._versions = [x._version for x in self._tensors]
         self._random = torch.get_rng_state()
 
-    def _held(self) -> list[Tensor]:
-        task = self._task
-        return [*held_tensors(task.loop).values(), *held_tensors(task.reference).values()]
-
-    def untouched(self) -> bool:
+    def unchanged(self) -> bool:
         """No tensor changed in place or replaced, no random number drawn."""
-        now = self._held()
+        now = _held(self._task)
         return (
             len(now) == len(self._tensors)
             and all(a is b for a, b in zip(now, self._tensors, strict=True))

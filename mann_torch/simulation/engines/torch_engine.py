@@ -16,7 +16,7 @@ from ..step_grid import MERGE, counted_in, shares_of
 from ..task import Effort, Record, Task
 from ..trajectory import Status
 from .stepping import Carry, Stepper
-from .torch_block import Block, Front, Marks, joined, trail_of, twin
+from .torch_block import Block, Front, Snapshot, joined, trail_of, twin
 
 #: Steps that are computed again at a time, where not all fit on the tape.
 BLOCK = 20
@@ -40,14 +40,14 @@ def run(task: Task, reason: str) -> Record:
     carry = Carry(y, task.mode, torch.ones(batch, dtype=torch.bool), events=events)
     front = Front(carry, torch.full(batch, -1), torch.zeros_like(y, requires_grad=False))
     trails = [trail_of([y[..., : 2 * n]], [carry] if 0 in task.state_rows else [], [])]
-    long, marks = _is_long(task, y), Marks(task)
+    long, before = _is_long(task, y), Snapshot(task)
     again: tuple[Task, Stepper] | None = None
     for first, last, coefficients in _blocks(task):
         if again is not None:
             found = Block(*again, coefficients, first, last).recomputed(front)
         else:
             found = Block(task, stepper, coefficients, first, last).run(front)
-            if long and first == 0 and marks.untouched():
+            if long and first == 0 and before.unchanged():
                 copies = twin(task)
                 own = Stepper(copies.loop, copies.solver, packer, task.limit, measured, task.hybrid)
                 if Block(copies, own, coefficients, first, last).can_be_cut(front):
