@@ -19,7 +19,7 @@ from omegaconf import OmegaConf
 from mann_torch.errors import ConfigError
 from mann_torch.tuning import Coordinates, Ensemble
 
-from .building.ensembles import ensemble_of
+from .building.ensembles import check_copies, ensemble_of
 from .command.cli import command_line, reject_unknown, run_cli
 from .gradients.elasticities import Findings, difference_name, estimate_all
 from .gradients.figures import landscapes, norms
@@ -59,15 +59,16 @@ def checked(cfg: Any) -> tuple[GradientReportConfig, Ensemble, Coordinates]:
             raise ConfigError(f"{name} = {numbers}: must be finite and > 0")
     if max(plain.spread, *plain.steps) >= 2:
         raise ConfigError("steps and spread are relative: below 2")
-    draws = list(range(plain.draws))
     simulated = SimulateConfig(
         plant=plain.plant, constants=plain.constants, scenario=plain.scenario
     )
-    ensemble = ensemble_of(plain, [simulated], draws)
+    copies = 2 * len(plain.names) * max(plain.pairs, 1)
+    check_copies(plain, copies * plain.draws, f"draws = {plain.draws}, pairs = {plain.pairs}")
+    ensemble = ensemble_of(plain, [simulated], range(plain.draws))
     ensemble = dataclasses.replace(ensemble, effort_after=None)
     controller = ensemble.loop.controller
     names = [name for name in plain.names if name in controller.constants()]
-    for name in plain.names:
+    for name in (*plain.names, *plain.control):
         if name not in ConstantsConfig.__dataclass_fields__:
             controller.constant(name)  # says which there are; one that only this lacks is left out
     return plain, ensemble, Coordinates(controller, names, "scalar")

@@ -45,6 +45,7 @@ from .learning.report import (
 )
 from .runs.parts import all_parts, npz_parts
 from .settings.checks import check_between, check_positive, check_variants
+from .settings.machine import check_memory, check_workers
 from .settings.memory_config import LEARNERS, OnlineRegressionConfig
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ def checked(cfg: Any) -> OnlineRegressionConfig:
     many = ("n_functions", "visits", "tuning_visits")
     check_between(plain, dict.fromkeys(many, (2, 1000)))
     check_between(plain, dict.fromkeys(("n_hidden", "n_slots", "seeds"), (1, 10_000)))
-    check_between(plain, {"workers": (1, 256), "member": (0, plain.seeds - 1), "seed": (0, 2**31)})
+    check_between(plain, {"member": (0, plain.seeds - 1), "seed": (0, 2**31)})
     for name in ("visit_length", "dt", "write_gain", "key_rate", "initial_std", "window"):
         check_positive(name, getattr(plain, name))
     if not plain.rates or len(set(plain.rates)) < len(plain.rates):
@@ -101,6 +102,9 @@ def checked(cfg: Any) -> OnlineRegressionConfig:
     visits = plain.n_functions * max(plain.visits, plain.tuning_visits)
     if visits * plain.visit_length / plain.dt > MOST_SAMPLES:
         raise ConfigError(f"visit_length, dt and visits ask for over {MOST_SAMPLES:.0e} samples")
+    check_workers(plain.workers)
+    kept = plain.seeds * (plain.n_slots * plain.n_hidden + visits * plain.visit_length / plain.dt)
+    check_memory("seeds, samples and sizes", 16 * kept * min(plain.workers, len(plain.variants)))
     return plain
 
 

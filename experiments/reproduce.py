@@ -25,7 +25,7 @@ from .records.recording import log_summary, summary_writer
 from .reproduction import golden as gold
 from .reproduction import tables
 from .reproduction.claims import Finding, findings
-from .reproduction.jobs import JobResult, batches, n_steps, run_job
+from .reproduction.jobs import JobResult, batches, check_memory_of, n_steps, run_job
 from .reproduction.plan import Job, judges_claims, plan
 from .reproduction.results import Results
 from .reproduction.tables import Cell
@@ -33,7 +33,9 @@ from .runs import figures as pictures
 from .runs.life import finish
 from .runs.parts import all_parts
 from .runs.writing import aligned, csv_text, write_arrays, write_text
+from .settings.checks import check_horizon
 from .settings.config import ReproduceConfig
+from .settings.machine import check_workers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,13 +50,14 @@ def checked(cfg: Any) -> tuple[ReproduceConfig, list[Job], gold.GoldenFile | Non
     """The configuration as plain dataclasses, and its jobs; everything is built once to check."""
     reject_unknown(cfg, ReproduceConfig)
     plain = cast(ReproduceConfig, OmegaConf.to_object(cfg))
-    if plain.workers < 1:
-        raise ConfigError(f"workers = {plain.workers}: at least 1")
+    check_workers(plain.workers)
+    check_horizon(plain.horizon)
     golden = gold.golden_file(plain)
     jobs = plan(plain, list(golden.runs) if golden is not None else [])
     if not jobs:
         raise ConfigError("nothing to do: no tables, figures or claims are chosen")
     for job in jobs:
+        check_memory_of(plain, job)
         batches(plain, job)
     return plain, jobs, golden
 

@@ -24,6 +24,8 @@ from mann_torch.simulation.step_grid import StepGrid
 
 from .building.build import Experiment, build
 from .building.masses import late_jumps
+from .building.sizes import check_samples
+from .building.weights import check_draws
 from .command.cli import command_line, reject_unknown, run_cli
 from .records.recording import log_run, metrics_of, signal_arrays
 from .runs.figures import (
@@ -40,6 +42,7 @@ from .runs.figures import (
 from .runs.life import finish
 from .runs.progress import progress_bar
 from .runs.writing import write_arrays
+from .settings.checks import check_horizon
 from .settings.config import SimulateConfig
 
 if TYPE_CHECKING:
@@ -55,9 +58,16 @@ def checked(cfg: Any) -> SimulateConfig:
     """A composed configuration as plain dataclasses, its names, types and ranges verified."""
     reject_unknown(cfg, SimulateConfig)
     plain = cast(SimulateConfig, OmegaConf.to_object(cfg))
-    formats_of(plain.output.format)
-    if not 10 <= plain.output.dpi <= 2400:
-        raise ConfigError(f"output.dpi = {plain.output.dpi:g}: must be 10 to 2400")
+    output = plain.output
+    formats_of(output.format)
+    if not 10 <= output.dpi <= 2400:
+        raise ConfigError(f"output.dpi = {output.dpi:g}: must be 10 to 2400")
+    check_draws(plain, range(plain.draws))
+    if not 0 <= output.member < plain.draws:
+        raise ConfigError(f"output.member = {output.member}: there are {plain.draws} draws, from 0")
+    check_horizon(plain.horizon)
+    horizon = plain.scenario.horizon if plain.horizon is None else plain.horizon
+    check_samples(plain, horizon, output.sample_dt)
     build(plain)
     return plain
 

@@ -34,6 +34,7 @@ from .settings.study_config import TuneConfig
 from .tuning import held_out
 from .tuning.figures import pareto, progress_curves
 from .tuning.held_out import START, TUNED, Candidate
+from .tuning.sizes import check_sizes
 
 
 def main() -> None:
@@ -53,7 +54,9 @@ def checked(cfg: Any) -> TuneConfig:
         plain = checkpoints.saved_config(folder)
         plain.resume = str(folder)
         _restored(tuner_of(plain), folder)
-    _candidates(plain, tuner_of(plain))
+    tuner = tuner_of(plain)
+    _, others, grid = _candidates(plain, tuner)
+    check_sizes(plain, tuner, 2 + len(others) + len(grid))
     return plain
 
 

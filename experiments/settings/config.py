@@ -56,8 +56,10 @@ class ConstantsConfig:
 
 @dataclass
 class MassGrowthConfig:
-    increment: float = MISSING
-    period: float = MISSING
+    """m^2 -> m^2 + increment m(0)^2 every period; no growth where neither is given."""
+
+    increment: float | None = None
+    period: float | None = None  # [s]
 
 
 @dataclass
@@ -68,7 +70,8 @@ class ScenarioConfig:
     offset: list[float] = MISSING
     horizon: float = MISSING
     mass_jumps: list[Any] = field(default_factory=list)
-    mass_growth: MassGrowthConfig | None = None
+    # A node from the start: OmegaConf can't put a mapping where a structured node is null.
+    mass_growth: MassGrowthConfig | None = field(default_factory=MassGrowthConfig)
     q: list[float] = field(default_factory=lambda: [0.0, 0.0])
     qd: list[float] = field(default_factory=lambda: [0.0, 0.0])
 

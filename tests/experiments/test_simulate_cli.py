@@ -211,7 +211,7 @@ BAD = [
     ("seed=99999999999999999", "seed"),
     ("solver.dt=1e-300", "steps"),
     ("output.sample_dt=1e-300", "samples"),
-    ("horizon=1e300", "steps"),
+    ("horizon=1e300", "samples"),
     ("scenario=3 scenario.mass_growth.period=1e-9", "period"),
     ("scenario.mass_jumps=[{a:1,b:2}]", "mass_jumps"),
     ("seed=${nope}", "nope"),
