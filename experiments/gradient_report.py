@@ -11,7 +11,7 @@ import dataclasses
 import math
 import time
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
@@ -24,12 +24,15 @@ from .command.cli import command_line, reject_unknown, run_cli
 from .gradients.elasticities import Findings, difference_name, estimate_all
 from .gradients.figures import landscapes, norms
 from .records.recording import log_summary, summary_writer, telling_settings
-from .runs.figures import save
 from .runs.life import finish
+from .runs.pictures import check_pictures, linked, save_all
 from .runs.progress import progress_bar
 from .runs.writing import csv_text, write_text
 from .settings.config import ConstantsConfig, SimulateConfig
 from .settings.study_config import GradientReportConfig
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def main() -> None:
@@ -41,6 +44,7 @@ def checked(cfg: Any) -> tuple[GradientReportConfig, Ensemble, Coordinates]:
     """A composed configuration, everything verified, nothing computed."""
     reject_unknown(cfg, GradientReportConfig)
     plain = cast(GradientReportConfig, OmegaConf.to_object(cfg))
+    check_pictures(plain.output)
     if plain.draws < 2:
         raise ConfigError(f"draws = {plain.draws}: at least 2, for an interval")
     if plain.joint not in (0, 1, 2):
@@ -90,10 +94,11 @@ def _task(cfg: Any) -> None:
         findings = estimate_all(plain, ensemble, coordinates, progress)
     wall_s = time.perf_counter() - start
     title = f"scenario {plain.scenario.name}, {plain.controller.name}"
-    figures = {"landscape": landscapes(findings, title), "norms": norms(findings, title)}
-    for name, figure in figures.items():
-        save(figure, folder / f"{name}.png")
-    report = _report(plain, findings, title, command, wall_s)
+    figures: dict[str, Figure] = {}
+    if plain.output.figures:
+        figures = {"landscape": landscapes(findings, title), "norms": norms(findings, title)}
+    save_all(folder, figures, plain.output)
+    report = _report(plain, findings, title, command, wall_s) + linked(figures, plain.output)
     write_text(folder / "report.md", report)
     header, *rows = _rows(findings)
     write_text(folder / "elasticities.csv", csv_text([header, *rows]))
@@ -102,8 +107,9 @@ def _task(cfg: Any) -> None:
         for estimate in findings.estimates
         for label, interval in zip(findings.labels, estimate.intervals, strict=True)
     }
-    with summary_writer(folder) as writer:
-        log_summary(writer, telling_settings(plain), results, figures)
+    if plain.output.tensorboard:
+        with summary_writer(folder, command) as writer:
+            log_summary(writer, telling_settings(plain), results, figures)
     finish(
         folder,
         {
@@ -188,7 +194,7 @@ def _report(
     for mode, series in findings.norms.items():
         text = ", ".join(f"{horizon:g} s: {norm:.3g}" for horizon, norm in series)
         lines.append(f"| {mode} | {text} |")
-    return "\n".join(lines) + "\n\n![landscape](landscape.png)\n\n![norms](norms.png)\n"
+    return "\n".join(lines) + "\n"
 
 
 def _range(counts: list[int]) -> str:

@@ -43,6 +43,7 @@ from .learning.report import (
     member_arrays,
 )
 from .runs.parts import all_parts, npz_parts
+from .runs.pictures import check_pictures
 from .settings.checks import check_between, check_positive, check_variants
 from .settings.machine import check_memory, check_workers
 from .settings.memory_config import RECALLERS, RecallConfig
@@ -75,6 +76,7 @@ def checked(cfg: Any) -> RecallConfig:
     """A composed configuration as a plain dataclass, verified. Raises `ConfigError`."""
     reject_unknown(cfg, RecallConfig)
     plain = cast(RecallConfig, OmegaConf.to_object(cfg))
+    check_pictures(plain.output)
     check_variants(plain.variants, RECALLERS)
     sizes = ("n_keys", "n_pairs", "n_slots", "hidden_size", "context_size")
     check_between(plain, {**dict.fromkeys(sizes, (1, 1000)), "n_values": (2, 1000)})

@@ -32,6 +32,7 @@ from .reproduction.tables import Cell
 from .runs import figures as pictures
 from .runs.life import finish
 from .runs.parts import all_parts
+from .runs.pictures import check_pictures, linked, save_all
 from .runs.writing import aligned, csv_text, write_arrays, write_text
 from .settings.checks import check_horizon
 from .settings.config import ReproduceConfig
@@ -50,6 +51,7 @@ def checked(cfg: Any) -> tuple[ReproduceConfig, list[Job], gold.GoldenFile | Non
     """The configuration as plain dataclasses, and its jobs; everything is built once to check."""
     reject_unknown(cfg, ReproduceConfig)
     plain = cast(ReproduceConfig, OmegaConf.to_object(cfg))
+    check_pictures(plain.output)
     check_workers(plain.workers)
     check_horizon(plain.horizon)
     golden = gold.golden_file(plain)
@@ -81,7 +83,7 @@ def _task(cfg: Any) -> None:
         for draw, status in enumerate(statuses)
         if status != "ok"
     ]
-    drawn = _draw(plain, results, all_cells, folder)
+    drawn = _draw(plain, results, all_cells, folder) if plain.output.figures else {}
     engines = ", ".join(sorted({result.engine for result in done}))
     sections = [
         f"# The paper, reproduced\n\n{plain.draws} draws, {plain.solver.name} at "
@@ -97,8 +99,8 @@ def _task(cfg: Any) -> None:
     if diverged:
         sections.append("### Diverged\n\n" + "\n".join(f"- {line}" for line in diverged))
     report = "\n\n".join(sections) + "\n"
-    linked = "".join(f"\n![{name}](figures/{name}.png)\n" for name in drawn)
-    write_text(folder / "report.md", report + linked)
+    shown = linked((f"figures/{name}" for name in drawn), plain.output)
+    write_text(folder / "report.md", report + shown)
     write_text(folder / "tables.csv", csv_text(tables.cell_rows(all_cells)))
     write_text(folder / "reductions.csv", csv_text(tables.reduction_rows(plain.tables, results)))
     claim_rows = [["claim", "reproduced", "measure"]]
@@ -109,8 +111,9 @@ def _task(cfg: Any) -> None:
     scalars = {
         f"{c.metric}/scenario_{c.scenario}/{c.variant}/joint_{c.joint}": c.mean for c in all_cells
     }
-    with summary_writer(folder) as writer:
-        log_summary(writer, settings, scalars, drawn)
+    if plain.output.tensorboard:
+        with summary_writer(folder, command) as writer:
+            log_summary(writer, settings, scalars, drawn)
     finish(
         folder,
         {
@@ -196,8 +199,7 @@ def _draw(
             [(label, paper, mean, 0.0 if np.isnan(sd) else sd) for label, paper, mean, sd in rows],
             "SRMSE against the published figures",
         )
-    for name, picture in drawn.items():
-        pictures.save(picture, folder / "figures" / f"{name}.png")
+    save_all(folder / "figures", drawn, cfg.output)
     return drawn
 
 

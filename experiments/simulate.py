@@ -32,14 +32,13 @@ from .runs.figures import (
     Arrays,
     attention_timeline,
     features_and_read,
-    formats_of,
     joint_angles,
     one_draw,
-    save,
     torques,
     with_resets,
 )
 from .runs.life import finish
+from .runs.pictures import check_pictures, save_all
 from .runs.progress import progress_bar
 from .runs.writing import write_arrays
 from .settings.checks import check_horizon
@@ -59,9 +58,7 @@ def checked(cfg: Any) -> SimulateConfig:
     reject_unknown(cfg, SimulateConfig)
     plain = cast(SimulateConfig, OmegaConf.to_object(cfg))
     output = plain.output
-    formats_of(output.format)
-    if not 10 <= output.dpi <= 2400:
-        raise ConfigError(f"output.dpi = {output.dpi:g}: must be 10 to 2400")
+    check_pictures(output)
     check_draws(plain, range(plain.draws))
     if not 0 <= output.member < plain.draws:
         raise ConfigError(f"output.member = {output.member}: there are {plain.draws} draws, from 0")
@@ -124,6 +121,7 @@ def summary(metrics: Mapping[str, Any]) -> str:
 def _task(cfg: Any) -> None:
     plain = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
+    command = command_line("experiments.simulate")
     late = late_jumps(plain.scenario, plain.horizon)
     if late is not None:
         print(f"warning: {late}", file=sys.stderr)
@@ -142,16 +140,15 @@ def _task(cfg: Any) -> None:
         "engine": trajectory.engine,
         "engine_reason": trajectory.engine_reason,
         "units": {"srmse": "rad", "srmse_after_10s": "rad", "wall_s": "s"},
-        "command": command_line("experiments.simulate"),
+        "command": command,
     }
     write_arrays(folder / "trajectory.npz", arrays)
     figures = {}
     if plain.output.figures:
         figures = run_figures(title, plain.controller.name, arrays, plain.output.member)
-    for name, figure in figures.items():
-        save(figure, folder / name, formats_of(plain.output.format), plain.output.dpi)
+    save_all(folder, figures, plain.output)
     if plain.output.tensorboard:
-        log_run(folder, plain, arrays, metrics, figures)
+        log_run(folder, plain, arrays, metrics, figures, command)
     finish(folder, record)
     print(f"{title}, {trajectory.solver} ({trajectory.engine}), {wall_s:.1f} s")
     print(summary(metrics))

@@ -9,6 +9,7 @@ if __name__ == "__main__":
 
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, cast
@@ -25,15 +26,15 @@ from .building.ensembles import check_names, tuned_ensemble
 from .command.cli import command_line, reject_unknown, run_cli
 from .records.recording import Writer, log_summary, summary_writer, telling_settings
 from .runs import checkpoints
-from .runs.figures import save
-from .runs.intervals import Interval
 from .runs.life import finish
+from .runs.pictures import check_pictures, linked, save_all
 from .runs.progress import progress_bar
 from .runs.writing import csv_text, write_json, write_text
 from .settings.study_config import TuneConfig
 from .tuning import held_out
 from .tuning.figures import pareto, progress_curves
 from .tuning.held_out import START, TUNED, Candidate
+from .tuning.report import report_of, signals_of
 from .tuning.sizes import check_sizes
 
 
@@ -49,6 +50,7 @@ def checked(cfg: Any) -> TuneConfig:
     """
     reject_unknown(cfg, TuneConfig)
     plain = cast(TuneConfig, OmegaConf.to_object(cfg))
+    check_pictures(plain.output)
     if plain.resume is not None:
         folder = Path(plain.resume)
         plain = checkpoints.saved_config(folder)
@@ -112,7 +114,7 @@ def _task(cfg: Any) -> None:
         write_text(folder / "command.txt", command_line("experiments.tune") + "\n")
     command = (folder / "command.txt").read_text().strip()
     start = time.perf_counter()
-    with summary_writer(folder) as writer:
+    with summary_writer(folder, command) if plain.output.tensorboard else nullcontext() as writer:
         for record in tuner.history:
             _log(writer, tuner, record)
         _tune(tuner, folder, writer)
@@ -129,21 +131,23 @@ def _task(cfg: Any) -> None:
         verdicts = held_out.verdicts(scores, candidates, chosen)
         labels = tuner.coordinates.labels
         starts = [_shown(tuner.coordinates.starts()[label.split("[")[0]]) for label in labels]
-        figures = {"progress": progress_curves(tuner.history, labels, starts)}
-        if scores:
+        figures = {}
+        if plain.output.figures:
+            figures["progress"] = progress_curves(tuner.history, labels, starts)
+        if plain.output.figures and scores:
             title = f"trained on {', '.join(plain.train.scenarios)}"
             figures["pareto"] = pareto(scores, candidates, chosen, title)
-        for name, figure in figures.items():
-            save(figure, folder / f"{name}.png")
+        save_all(folder, figures, plain.output)
         results = {"metrics/objective": tuner.history[-1]["objective"]}
         results |= {
             f"metrics/held_out_srmse_percent_{v.scenario}": v.srmse.mean
             for v in verdicts
             if v.candidate == TUNED
         }
-        log_summary(writer, telling_settings(plain), results, figures)
-    report = _report(tuner, verdicts, command, tuning_s)
-    write_text(folder / "report.md", report)
+        if writer is not None:
+            log_summary(writer, telling_settings(plain), results, figures)
+    report = report_of(tuner, verdicts, command, tuning_s)
+    write_text(folder / "report.md", report + linked(figures, plain.output))
     write_text(folder / "held_out.csv", csv_text(held_out.rows(scores, candidates)))
     finish(
         folder,
@@ -151,7 +155,7 @@ def _task(cfg: Any) -> None:
             "command": command,
             "tuning_s": tuning_s,
             "constants": {name: v.tolist() for name, v in values.items()},
-            "gradient": {label: asdict(s) for label, s in _signals(tuner).items()},
+            "gradient": {label: asdict(s) for label, s in signals_of(tuner).items()},
             "silent": tuner.silent(),
             "held_out": [asdict(v) for v in verdicts],
             "history": tuner.history,
@@ -161,7 +165,7 @@ def _task(cfg: Any) -> None:
     print(f"written to {folder}", flush=True)
 
 
-def _tune(tuner: Tuner, folder: Path, writer: Writer) -> None:
+def _tune(tuner: Tuner, folder: Path, writer: Writer | None) -> None:
     """All iterations that are left; a checkpoint after each."""
     with progress_bar(tuner.schedule.iterations, "iteration") as bar:
         bar.update(tuner.iteration)
@@ -173,8 +177,10 @@ def _tune(tuner: Tuner, folder: Path, writer: Writer) -> None:
             bar.update()
 
 
-def _log(writer: Writer, tuner: Tuner, record: dict[str, Any]) -> None:
-    """One iteration's curves."""
+def _log(writer: Writer | None, tuner: Tuner, record: dict[str, Any]) -> None:
+    """One iteration's curves, where they are wanted."""
+    if writer is None:
+        return
     step, labels = record["iteration"], tuner.coordinates.labels
     writer.add_scalar("tune/objective", record["objective"], step)
     for label, z, slope in zip(labels, record["z"], record["gradient"], strict=True):
@@ -192,52 +198,6 @@ def _judge(ensembles: dict[str, Ensemble], candidates: Sequence[Candidate]) -> d
             name: held_out.evaluate(ensemble, candidates, bar.update)
             for name, ensemble in ensembles.items()
         }
-
-
-def _signals(tuner: Tuner) -> dict[str, Interval]:
-    """Each coordinate's mean gradient over the first quarter of the run."""
-    found = tuner.signal()
-    columns = zip(tuner.coordinates.labels, found.mean.tolist(), found.half.tolist(), strict=True)
-    return {label: Interval(mean, half) for label, mean, half in columns}
-
-
-def _report(
-    tuner: Tuner, verdicts: Sequence[held_out.Verdict], command: str, tuning_s: float
-) -> str:
-    n = len(tuner.history)
-    lines = [
-        f"# Tuned constants\n\n{n} iterations, {tuning_s:.0f} s. Made by `{command}`.\n",
-        "| constant | start | tuned | gradient, first quarter |",
-        "|---|---|---|---|",
-    ]
-    signals = _signals(tuner)
-    for name, value in tuner.values().items():
-        start = tuner.coordinates.starts()[name]
-        parts = [s for label, s in signals.items() if label.split("[")[0] == name]
-        told = ", ".join(f"{s.mean:+.4f} ± {s.half:.4f}" for s in parts)
-        lines.append(f"| {name} | {_text(start)} | {_text(value)} | {told} |")
-    quiet = tuner.silent()
-    if tuner.schedule.optimizer == "optuna":
-        lines.append("\nA search without gradients: nothing says which constants mattered.")
-    elif quiet:
-        lines.append(
-            f"\n**No signal: {', '.join(quiet)}.** The gradient was 0, or its 95 % interval "
-            "contains 0, over the first quarter and the whole run: where these ended is chance."
-        )
-    if verdicts:
-        lines.append("\n## Held out\n\nPaired change from the start, mean and 95 % interval.\n")
-        lines.append(held_out.markdown(verdicts))
-    return "\n".join(lines) + "\n"
-
-
-def _text(value: torch.Tensor) -> str:
-    if value.dim() == 0:
-        return f"{float(value):.4g}"
-    if bool((value == value[0, 0] * torch.eye(len(value), dtype=value.dtype)).all()):
-        return f"{float(value[0, 0]):.4g} I"
-    return (
-        "[" + ", ".join("[" + ", ".join(f"{x:.4g}" for x in r) + "]" for r in value.tolist()) + "]"
-    )
 
 
 def _shown(start: torch.Tensor) -> float:

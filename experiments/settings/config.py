@@ -99,13 +99,19 @@ class InitialConfig:
 
 
 @dataclass
-class OutputConfig:
-    sample_dt: float = 0.05
-    member: int = 0  # whose pictures: 0 to draws - 1
+class PicturesConfig:
+    """What a command shows of its results, beside tables and arrays."""
+
     figures: bool = True
     format: Any = "png"  # of the pictures: png, pdf, svg, or a list of them
     dpi: float = 110.0
     tensorboard: bool = True
+
+
+@dataclass
+class OutputConfig(PicturesConfig):
+    sample_dt: float = 0.05
+    member: int = 0  # whose pictures: 0 to draws - 1
 
 
 @dataclass
@@ -166,6 +172,7 @@ class ReproduceConfig:
     solver: SolverConfig = field(default_factory=SolverConfig)
     initial: InitialConfig = field(default_factory=InitialConfig)
     golden: GoldenConfig = field(default_factory=GoldenConfig)
+    output: PicturesConfig = field(default_factory=PicturesConfig)
     variants: dict[str, list[str]] = field(default_factory=dict)
     tables: dict[str, TableConfig] = field(default_factory=dict)
     figures: dict[str, FigureConfig] = field(default_factory=dict)

@@ -153,7 +153,7 @@ def test_a_sweep_of_recall_has_each_variants_accuracy(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     small = ["variants=[soft,lstm]", "seeds=2", "iterations=50", "batch=4", "test_sequences=20"]
-    small += ["workers=1", "figures=false", "tensorboard=false", f"run_dir={folder}"]
+    small += ["workers=1", "output.figures=false", "output.tensorboard=false", f"run_dir={folder}"]
     assert exit_code(monkeypatch, recall.main, "-m", "n_pairs=2,3", *small) == 0
     rows = table(folder)
     assert [row["n_pairs"] for row in rows] == ["2", "3"]
