@@ -32,6 +32,21 @@ COMMANDS = {
     ],
     "sweep": ["simulate", "-m", "controller=nn,soft", "seed=1,2,3", "horizon=0.3"],
 }
+#: Killed fewer times: they go on in the same ways.
+OTHERS = {
+    "gradient_report": [
+        *("gradient_report", "horizon=0.1", "draws=2", "names=[error_gain]", "steps=[0.1]"),
+        *("temperatures=[]", "horizons=[]"),
+    ],
+    "recall": [
+        *("recall", "variants=[soft,lstm]", "iterations=200", "seeds=2", "test_sequences=20"),
+        "workers=1",
+    ],
+    "online_regression": [
+        *("online_regression", "variants=[network,soft]", "rates=[1]", "visits=2", "seeds=2"),
+        *("n_functions=2", "visit_length=2", "dt=0.05", "window=0.5", "workers=1"),
+    ],
+}
 
 
 def settings(**values: Any) -> Any:
@@ -169,7 +184,8 @@ def kill_and_repeat(tmp_path: Path, name: str, shares: list[float]) -> None:
     """Kill a run after shares of the time that it takes undisturbed, and repeat it each time."""
     whole = tmp_path / "whole"
     began = time.monotonic()
-    done = start(whole, *COMMANDS[name])
+    command = {**COMMANDS, **OTHERS}[name]
+    done = start(whole, *command)
     _, said = done.communicate(timeout=300)
     assert done.returncode == 0, said
     taken = time.monotonic() - began
@@ -179,13 +195,13 @@ def kill_and_repeat(tmp_path: Path, name: str, shares: list[float]) -> None:
     for number, share in enumerate(shares):
         wait = share * taken
         folder = tmp_path / f"{name}_{number}"
-        process = start(folder, *COMMANDS[name])
+        process = start(folder, *command)
         time.sleep(wait)
         process.kill()
         process.communicate()
         ended = (folder / ("sweep.csv" if name == "sweep" else "metrics.json")).exists()
         met["finished" if ended else "at work" if folder.exists() else "before"] += 1
-        again = start(folder, *COMMANDS[name])
+        again = start(folder, *command)
         _, said = again.communicate(timeout=300)
         assert again.returncode == 0, (wait, said[-2000:])
         assert numbers_in(folder) == expected, wait
@@ -200,10 +216,11 @@ def test_killed_and_repeated_a_run_is_that_of_the_undisturbed(tmp_path: Path) ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", list(COMMANDS))
+@pytest.mark.parametrize("name", [*COMMANDS, *OTHERS])
 def test_killed_at_many_moments(name: str, tmp_path: Path) -> None:
     draw = np.random.default_rng(len(name))
-    kill_and_repeat(tmp_path, name, draw.uniform(0.3, 1.0, 25).tolist())
+    kills = 25 if name in COMMANDS else 4
+    kill_and_repeat(tmp_path, name, draw.uniform(0.3, 1.0, kills).tolist())
 
 
 @pytest.mark.slow
