@@ -254,6 +254,20 @@ def test_a_closed_stdout_is_one_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_without_stdout_or_stderr_a_run_finishes(tmp_path: Path) -> None:
+    for closed in ("1>&-", "2>&-"):
+        folder = tmp_path / closed[0]
+        line = [sys.executable, "-m", "experiments.simulate", *QUIET, f"run_dir={folder}"]
+        done = subprocess.run(
+            ["sh", "-c", f'"$@" {closed}', "sh", *line],
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0 and (folder / "metrics.json").exists(), done.stderr
+
+
+@pytest.mark.slow
 def test_an_ascii_terminal_is_no_obstacle(tmp_path: Path) -> None:
     arguments = [*COMMANDS["reproduce"], "figures={}"]
     process = start(tmp_path / "run", *arguments, env={"PYTHONIOENCODING": "ascii", "LC_ALL": "C"})
