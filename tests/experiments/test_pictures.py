@@ -25,14 +25,20 @@ SHORT = {
 }
 
 
-@pytest.mark.parametrize("command", SHORT)
+#: As one text on the command line, and as a list.
+FORMATS = dict.fromkeys(SHORT, "[svg,pdf]") | {"simulate": "svg,pdf"}
+QUICK = ("simulate", "tune")
+EVERY = [c if c in QUICK else pytest.param(c, marks=pytest.mark.slow) for c in SHORT]
+
+
+@pytest.mark.parametrize("command", EVERY)
 def test_every_command_draws_in_the_formats_asked_for(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     main = importlib.import_module(f"experiments.{command}").main
     monkeypatch.chdir(tmp_path)
     drawn, bare = tmp_path / "drawn", tmp_path / "bare"
-    arguments = [*SHORT[command], "output.format=[svg,pdf]", "output.dpi=50"]
+    arguments = [*SHORT[command], f"output.format={FORMATS[command]}", "output.dpi=50"]
     assert exit_code(monkeypatch, main, *arguments, f"run_dir={drawn}") == 0
     assert logged(drawn).Tags()["images"]
     formats = {
