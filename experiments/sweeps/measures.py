@@ -26,9 +26,12 @@ def measured(record: Mapping[str, Any]) -> tuple[Measured, str]:
 
 
 def _diverged(record: Mapping[str, Any]) -> str:
-    status = record.get("status", [])
-    lost = sum(each != "ok" for each in status)
-    return f"{lost} of {len(status)} draws diverged" if lost else "ok"
+    if command_of(record) == "ensemble":
+        lost, of = record["diverged"], record["rollouts"]
+    else:
+        status = record.get("status", [])
+        lost, of = sum(each != "ok" for each in status), len(status)
+    return f"{lost} of {of} draws diverged" if lost else "ok"
 
 
 def _over_draws(values: Sequence[Any]) -> Interval:
@@ -49,6 +52,13 @@ def _simulate(record: Mapping[str, Any]) -> Measured:
     for name in ("reallocations", "switches"):
         found[name] = _over_draws(record[name])
     return found
+
+
+def _ensemble(record: Mapping[str, Any]) -> Measured:
+    """Means over rollouts, and what a hundredth of them exceeds."""
+    of = record["measures"]
+    found = {name: Interval(_one(m["mean"]).mean, _one(m["half"]).mean) for name, m in of.items()}
+    return found | {f"{name}_q99": _one(of[name]["q99"]) for name in ("srmse_1", "srmse_2")}
 
 
 def _gradient_report(record: Mapping[str, Any]) -> Measured:
@@ -108,6 +118,7 @@ def _learning(record: Mapping[str, Any]) -> Measured:
 
 READERS: dict[str, Callable[[Mapping[str, Any]], Measured]] = {
     "simulate": _simulate,
+    "ensemble": _ensemble,
     "tune": _tune,
     "gradient_report": _gradient_report,
     "reproduce": _reproduce,

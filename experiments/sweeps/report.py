@@ -17,6 +17,7 @@ _MOST_PRINTED = 60
 
 def write_sweep(folder: Path, runs: Sequence[Run], command: str) -> None:
     """`sweep.csv`, `sweep.md` and, if anything was measured, `sweep.png`; then say so."""
+    from .joining import write_joined
     from .picture import picture  # matplotlib is for those who draw
 
     made = same_command(runs)
@@ -30,7 +31,10 @@ def write_sweep(folder: Path, runs: Sequence[Run], command: str) -> None:
         save(figure, folder / f"{NAME}.png")
     if len(runs) <= _MOST_PRINTED:
         print(f"\n{table}\n")
-    print(f"{line}\nwritten to {folder}: {NAME}.csv, {NAME}.md, {NAME}.png", flush=True)
+    files = f"{NAME}.csv, {NAME}.md, {NAME}.png"
+    if write_joined(folder, runs, command):
+        files += ", rollouts.csv, ensemble.md, histogram.png"
+    print(f"{line}\nwritten to {folder}: {files}", flush=True)
 
 
 def end_of_sweep(folder: Path, configurations: Sequence[Any], command: str) -> int:

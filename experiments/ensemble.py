@@ -1,0 +1,199 @@
+"""Thousands of rollouts of one scenario, with random masses and draws: how SRMSE is spread."""
+
+from __future__ import annotations
+
+from .command import early
+
+if __name__ == "__main__":
+    early.begin("ensemble")
+
+import dataclasses
+import shlex
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+import torch
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import OmegaConf
+
+from mann_torch import rollout
+from mann_torch.errors import ConfigError
+
+from .building.build import Experiment, build
+from .building.random_masses import random_masses, with_masses
+from .command.cli import command_line, reject_unknown, run_cli
+from .command.overrides import as_typed
+from .ensembles.report import Told, write_ensembles
+from .ensembles.rollouts import Chunk, Rollouts, joined
+from .ensembles.summary import measures, statistics, table
+from .records.recording import (
+    IDENTITY,
+    log_summary,
+    metrics_of,
+    run_name,
+    summary_writer,
+    telling_settings,
+)
+from .runs.life import finish
+from .runs.parts import all_parts, npz_parts
+from .runs.workers import peak_mb
+from .settings.checks import check_between
+from .settings.config import SimulateConfig
+from .settings.ensemble_config import EnsembleConfig
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Rollouts and draws are numbered below this.
+NUMBERS = 1 << 20
+#: Motion is kept this often [s], for SRMSE after 10 s.
+MOTION_DT = 10.0
+
+
+def main() -> None:
+    """Command line of `python -m experiments.ensemble`."""
+    run_cli("ensemble", checked, _task)
+
+
+def checked(cfg: Any) -> EnsembleConfig:
+    """A composed configuration as plain dataclasses, its names, types and ranges verified."""
+    reject_unknown(cfg, EnsembleConfig)
+    plain = cast(EnsembleConfig, OmegaConf.to_object(cfg))
+    check_between(plain, {"first": (0, NUMBERS - 1), "rollouts": (1, NUMBERS)})
+    check_between(plain, {"chunk": (1, 10_000), "workers": (1, 256)})
+    if not 0 <= plain.masses.spread < 1:
+        raise ConfigError(f"masses.spread = {plain.masses.spread}: must be >= 0 and < 1")
+    first, last = plain.first, plain.first + plain.rollouts - 1
+    if not 0 <= plain.initial.draw <= plain.initial.draw + last < NUMBERS:
+        raise ConfigError(
+            f"initial.draw = {plain.initial.draw}, first = {first}, rollouts = {plain.rollouts}: "
+            "draws must be >= 0 and < 2^20"
+        )
+    if plain.initial.weights_file is None:
+        experiment_of(plain, last, 1)
+    else:  # which may lack any of them
+        experiment_of(plain, first, plain.rollouts)
+    return plain
+
+
+def experiment_of(cfg: EnsembleConfig, first: int, count: int) -> Experiment:
+    """Rollouts first to first + count - 1 as one batch. Raises `ConfigError`."""
+    names = {field.name for field in dataclasses.fields(SimulateConfig)}
+    names &= {field.name for field in dataclasses.fields(EnsembleConfig)}
+    plain = dataclasses.replace(
+        SimulateConfig(**{name: getattr(cfg, name) for name in names}),
+        initial=dataclasses.replace(cfg.initial, draw=cfg.initial.draw + first),
+        draws=count,
+    )
+    made = build(plain)
+    masses = random_masses(plain.plant.masses, cfg.masses.spread, cfg.seed, first, count)
+    return dataclasses.replace(made, scenario=with_masses(made.scenario, plain, masses))
+
+
+def run_chunk(
+    cfg: EnsembleConfig, first: int, count: int, progress: Callable[[int], object]
+) -> Chunk:
+    """Compute some rollouts; only totals are kept."""
+    made = experiment_of(cfg, first, count)
+    with torch.inference_mode():
+        trajectory = rollout(
+            made.loop,
+            made.scenario,
+            made.solver,
+            network=made.network,
+            motion_dt=MOTION_DT,
+            sample_dt=made.scenario.end,
+            sample_until=0.0,
+            engine=cfg.solver.engine,
+            device=cfg.solver.device,
+        )
+        found = {name: np.array(column) for name, column in metrics_of(trajectory).items()}
+    progress(count)
+    return Chunk(
+        number=np.arange(first, first + count),
+        masses=made.scenario.parameters.masses.numpy(),
+        engine=trajectory.engine,
+        peak_mb=peak_mb(),
+        **found,
+    )
+
+
+def run_alone() -> str:
+    """The `simulate` command of one rollout, but for its draw and masses."""
+    own = {field.name for field in dataclasses.fields(EnsembleConfig)}
+    own -= {field.name for field in dataclasses.fields(SimulateConfig)}
+    own |= {"run_dir", "initial.draw", "plant.masses"}
+    kept = []
+    for override in map(as_typed, HydraConfig.get().overrides.task):
+        name = override.lstrip("+~").partition("=")[0]
+        if name not in own and name.partition(".")[0] not in own:
+            kept.append(override)
+    return shlex.join(["python", "-m", "experiments.simulate", *kept])
+
+
+def _task(cfg: Any) -> None:
+    plain = checked(cfg)
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    start = time.perf_counter()
+    end = plain.first + plain.rollouts
+    chunks = {
+        f"{first}_{min(plain.chunk, end - first)}": (plain, first, min(plain.chunk, end - first))
+        for first in range(plain.first, end, plain.chunk)
+    }
+    counts = [count for _, _, count in chunks.values()]
+    kept = npz_parts(Chunk, folder / "finished")
+    parts = list(all_parts(run_chunk, chunks, counts, kept, plain.workers, "rollout", 1).values())
+    wall_s = time.perf_counter() - start
+    rollouts, command = joined(parts), command_line("experiments.ensemble")
+    title = (
+        f"scenario {plain.scenario.name}, {plain.controller.name}, {plain.keys.name} keys, "
+        f"masses ± {100 * plain.masses.spread:g} %"
+    )
+    alone, most = run_alone(), max(part.peak_mb for part in parts)
+    told = Told(rollouts, title, alone, plain.initial.draw)
+    note = f"{wall_s:.0f} s; a process took at most {most:.0f} MB."
+    figure = write_ensembles(folder, {"": told}, command, note, plain.figures)
+    if plain.tensorboard:
+        _log(folder, plain, rollouts, figure)
+    found = statistics(rollouts)
+    lost = len(rollouts) - int(rollouts.ok.sum())
+    record = {
+        "command": command,
+        "alone": alone,
+        "title": title,
+        "scenario": plain.scenario.name,
+        "controller": plain.controller.name,
+        "keys": plain.keys.name,
+        "rollouts": len(rollouts),
+        "diverged": lost,
+        "measures": found,
+        "engine": ", ".join(sorted({part.engine for part in parts})),
+        "peak_mb": most,
+        "wall_s": wall_s,
+        "units": {"srmse": "rad", "srmse_after_10s": "rad", "wall_s": "s", "peak_mb": "MB"},
+    }
+    finish(folder, record)
+    print(f"{title}: {len(rollouts)} rollouts, {note}\n{table(found)}")
+    print(f"written to {folder}", flush=True)
+    if lost:
+        print(f"warning: {lost} rollouts diverged, see ensemble.md", file=sys.stderr)
+
+
+def _log(folder: Path, cfg: EnsembleConfig, rollouts: Rollouts, figure: Figure | None) -> None:
+    """TensorBoard: the measures as histograms, their means, the settings, the picture."""
+    with summary_writer(folder / run_name()) as writer:
+        for name, column in measures(rollouts).items():
+            finite = column[rollouts.ok & np.isfinite(column)]
+            if len(finite):
+                writer.add_histogram(name, finite)
+        results = {f"metrics/{k}": v["mean"] for k, v in statistics(rollouts).items()}
+        figures = {} if figure is None else {"histogram": figure}
+        log_summary(writer, telling_settings(cfg, IDENTITY), results, figures)
+
+
+if __name__ == "__main__":
+    main()
