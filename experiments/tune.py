@@ -7,12 +7,14 @@ from .command import early
 if __name__ == "__main__":
     early.begin("tune")
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import torch
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
@@ -26,14 +28,15 @@ from .command.cli import command_line, reject_unknown, run_cli
 from .records.recording import Writer, log_summary, summary_writer, telling_settings
 from .runs import checkpoints
 from .runs.figures import save
-from .runs.intervals import Interval
 from .runs.life import finish
 from .runs.progress import progress_bar
 from .runs.writing import csv_text, write_json, write_text
+from .settings.checks import check_between, check_positive
 from .settings.study_config import TuneConfig
 from .tuning import held_out
 from .tuning.figures import pareto, progress_curves
 from .tuning.held_out import START, TUNED, Candidate
+from .tuning.report import report_of, signals_of
 
 
 def main() -> None:
@@ -66,6 +69,7 @@ def tuner_of(cfg: TuneConfig) -> Tuner:
         raise ConfigError(
             f"names: {', '.join(shared)} differ between train.scenarios: give one in `start`"
         )
+    coordinates = Coordinates(ensemble.loop.controller, cfg.names, cfg.matrix_form)
     schedule = asdict(cfg.schedule)
     try:
         schedule["curriculum"] = [(int(a), float(b)) for a, b in cfg.schedule.curriculum]
@@ -75,11 +79,22 @@ def tuner_of(cfg: TuneConfig) -> Tuner:
         ) from None
     return Tuner(
         ensemble,
-        Coordinates(ensemble.loop.controller, cfg.names, cfg.matrix_form),
+        coordinates,
         Objective(**asdict(cfg.objective)),
         GradientSettings(**asdict(cfg.gradient)),
         Schedule(**schedule, seed=cfg.seed),
+        begin=_begin(cfg, coordinates.size),
     )
+
+
+def _begin(cfg: TuneConfig, size: int) -> torch.Tensor | None:
+    """Where a restart begins: log factors, uniform; None for the constants themselves."""
+    check_between(cfg, {"restart": (0, 2**31), "seed": (0, 2**32 - 1)})
+    check_positive("restart_spread", cfg.restart_spread)
+    if cfg.restart == 0:
+        return None
+    unit = np.random.default_rng([cfg.seed, cfg.restart]).uniform(-1.0, 1.0, size)
+    return torch.from_numpy(math.log1p(cfg.restart_spread) * unit)
 
 
 def _restored(tuner: Tuner, folder: Path) -> Tuner:
@@ -139,7 +154,7 @@ def _task(cfg: Any) -> None:
             if v.candidate == TUNED
         }
         log_summary(writer, telling_settings(plain), results, figures)
-    report = _report(tuner, verdicts, command, tuning_s)
+    report = report_of(tuner, verdicts, command, tuning_s)
     write_text(folder / "report.md", report)
     write_text(folder / "held_out.csv", csv_text(held_out.rows(scores, candidates)))
     finish(
@@ -148,7 +163,7 @@ def _task(cfg: Any) -> None:
             "command": command,
             "tuning_s": tuning_s,
             "constants": {name: v.tolist() for name, v in values.items()},
-            "gradient": {label: asdict(s) for label, s in _signals(tuner).items()},
+            "gradient": {label: asdict(s) for label, s in signals_of(tuner).items()},
             "silent": tuner.silent(),
             "held_out": [asdict(v) for v in verdicts],
             "history": tuner.history,
@@ -189,52 +204,6 @@ def _judge(ensembles: dict[str, Ensemble], candidates: Sequence[Candidate]) -> d
             name: held_out.evaluate(ensemble, candidates, bar.update)
             for name, ensemble in ensembles.items()
         }
-
-
-def _signals(tuner: Tuner) -> dict[str, Interval]:
-    """Each coordinate's mean gradient over the first quarter of the run."""
-    found = tuner.signal()
-    columns = zip(tuner.coordinates.labels, found.mean.tolist(), found.half.tolist(), strict=True)
-    return {label: Interval(mean, half) for label, mean, half in columns}
-
-
-def _report(
-    tuner: Tuner, verdicts: Sequence[held_out.Verdict], command: str, tuning_s: float
-) -> str:
-    n = len(tuner.history)
-    lines = [
-        f"# Tuned constants\n\n{n} iterations, {tuning_s:.0f} s. Made by `{command}`.\n",
-        "| constant | start | tuned | gradient, first quarter |",
-        "|---|---|---|---|",
-    ]
-    signals = _signals(tuner)
-    for name, value in tuner.values().items():
-        start = tuner.coordinates.starts()[name]
-        parts = [s for label, s in signals.items() if label.split("[")[0] == name]
-        told = ", ".join(f"{s.mean:+.4f} ± {s.half:.4f}" for s in parts)
-        lines.append(f"| {name} | {_text(start)} | {_text(value)} | {told} |")
-    quiet = tuner.silent()
-    if tuner.schedule.optimizer == "optuna":
-        lines.append("\nA search without gradients: nothing says which constants mattered.")
-    elif quiet:
-        lines.append(
-            f"\n**No signal: {', '.join(quiet)}.** The gradient was 0, or its 95 % interval "
-            "contains 0, over the first quarter and the whole run: where these ended is chance."
-        )
-    if verdicts:
-        lines.append("\n## Held out\n\nPaired change from the start, mean and 95 % interval.\n")
-        lines.append(held_out.markdown(verdicts))
-    return "\n".join(lines) + "\n"
-
-
-def _text(value: torch.Tensor) -> str:
-    if value.dim() == 0:
-        return f"{float(value):.4g}"
-    if bool((value == value[0, 0] * torch.eye(len(value), dtype=value.dtype)).all()):
-        return f"{float(value[0, 0]):.4g} I"
-    return (
-        "[" + ", ".join("[" + ", ".join(f"{x:.4g}" for x in r) + "]" for r in value.tolist()) + "]"
-    )
 
 
 def _shown(start: torch.Tensor) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -69,11 +70,20 @@ def _gradient_report(record: Mapping[str, Any]) -> Measured:
 
 
 def _tune(record: Mapping[str, Any]) -> Measured:
-    """Objective at the start and end, and what tuning changed on scenarios held out [%]."""
+    """Objective at the end and the start, the constants, and changes on scenarios held out [%]."""
     history = [entry["objective"] for entry in record["history"]]
     found = {}
     if history:
         found = {"objective": _one(history[-1]), "objective_first": _one(history[0])}
+    tuned = [v["srmse"]["mean"] for v in record["held_out"] if v["candidate"] == "tuned"]
+    if tuned and None not in tuned:
+        found["held_out_srmse"] = _one(np.mean(tuned))
+    for name, value in record["constants"].items():
+        if isinstance(value, list):
+            places = itertools.product(range(len(value)), repeat=2)
+            found |= {f"{name}_{i + 1}{j + 1}": _one(value[i][j]) for i, j in places if value[i][j]}
+        else:
+            found[name] = _one(value)
     for verdict in record["held_out"]:
         start = f"{verdict['candidate']}_{verdict['scenario']}".replace(" ", "_")
         for name in ("srmse", "rate", "peak"):
