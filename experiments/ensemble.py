@@ -11,20 +11,16 @@ import dataclasses
 import shlex
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-import torch
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
 
-from mann_torch import rollout
 from mann_torch.errors import ConfigError
 
-from .building.build import Experiment, build
-from .building.random_masses import random_masses, with_masses
+from .building.chunks import experiment_of, run_chunk
 from .command.cli import command_line, reject_unknown, run_cli
 from .command.overrides import as_typed
 from .ensembles.report import Told, write_ensembles
@@ -33,14 +29,12 @@ from .ensembles.summary import measures, statistics, table
 from .records.recording import (
     IDENTITY,
     log_summary,
-    metrics_of,
     run_name,
     summary_writer,
     telling_settings,
 )
 from .runs.life import finish
 from .runs.parts import all_parts, npz_parts
-from .runs.workers import peak_mb
 from .settings.checks import check_between
 from .settings.config import SimulateConfig
 from .settings.ensemble_config import EnsembleConfig
@@ -50,8 +44,6 @@ if TYPE_CHECKING:
 
 #: Rollouts and draws are numbered below this.
 NUMBERS = 1 << 20
-#: Motion is kept this often [s], for SRMSE after 10 s.
-MOTION_DT = 10.0
 
 
 def main() -> None:
@@ -78,48 +70,6 @@ def checked(cfg: Any) -> EnsembleConfig:
     else:  # which may lack any of them
         experiment_of(plain, first, plain.rollouts)
     return plain
-
-
-def experiment_of(cfg: EnsembleConfig, first: int, count: int) -> Experiment:
-    """Rollouts first to first + count - 1 as one batch. Raises `ConfigError`."""
-    names = {field.name for field in dataclasses.fields(SimulateConfig)}
-    names &= {field.name for field in dataclasses.fields(EnsembleConfig)}
-    plain = dataclasses.replace(
-        SimulateConfig(**{name: getattr(cfg, name) for name in names}),
-        initial=dataclasses.replace(cfg.initial, draw=cfg.initial.draw + first),
-        draws=count,
-    )
-    made = build(plain)
-    masses = random_masses(plain.plant.masses, cfg.masses.spread, cfg.seed, first, count)
-    return dataclasses.replace(made, scenario=with_masses(made.scenario, plain, masses))
-
-
-def run_chunk(
-    cfg: EnsembleConfig, first: int, count: int, progress: Callable[[int], object]
-) -> Chunk:
-    """Compute some rollouts; only totals are kept."""
-    made = experiment_of(cfg, first, count)
-    with torch.inference_mode():
-        trajectory = rollout(
-            made.loop,
-            made.scenario,
-            made.solver,
-            network=made.network,
-            motion_dt=MOTION_DT,
-            sample_dt=made.scenario.end,
-            sample_until=0.0,
-            engine=cfg.solver.engine,
-            device=cfg.solver.device,
-        )
-        found = {name: np.array(column) for name, column in metrics_of(trajectory).items()}
-    progress(count)
-    return Chunk(
-        number=np.arange(first, first + count),
-        masses=made.scenario.parameters.masses.numpy(),
-        engine=trajectory.engine,
-        peak_mb=peak_mb(),
-        **found,
-    )
 
 
 def run_alone() -> str:

@@ -68,7 +68,7 @@ def test_masses_depend_on_seed_and_number_alone() -> None:
     assert random_masses([0.8, 2.3], 0.0, 5, 9, 2).tolist() == [[0.8, 2.3]] * 2
 
 
-@pytest.mark.parametrize("scenario", ["1", "2", "6"])
+@pytest.mark.parametrize("scenario", ["1", "3"])
 def test_masses_jump_and_grow_as_those_of_one_rollout(scenario: str) -> None:
     cfg = composed((f"scenario='{scenario}'",))
     masses = random_masses(cfg.plant.masses, 0.2, 0, 0, 3)

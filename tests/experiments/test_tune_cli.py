@@ -111,7 +111,6 @@ def test_restarts_end_in_a_table_that_tells_the_best(
     assert run(monkeypatch, *swept) == 0
     rows = list(csv.DictReader((folder / "sweep.csv").read_text().splitlines()))
     assert [row["restart"] for row in rows] == ["0", "1", "2"]
-    assert float(rows[0]["objective_first"]) == pytest.approx(1.0)  # relative to the paper's
     assert len({row["objective_first"] for row in rows}) == 3
     for number, row in enumerate(rows):
         metrics = json.loads((folder / str(number) / "metrics.json").read_text())
