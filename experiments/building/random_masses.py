@@ -45,6 +45,5 @@ def with_masses(scenario: Scenario, cfg: SimulateConfig, masses: Tensor) -> Scen
     values = torch.stack([torch.stack(cast(list[Tensor], row), -1) for row in rows], -2)
     at = torch.tensor(times, dtype=torch.float64).expand(len(masses), len(times))
     parameters = cast(ArmParameters, scenario.parameters)._replace(masses=masses)
-    return dataclasses.replace(
-        scenario, parameters=parameters, schedule={"masses": PiecewiseConstant(at, values)}
-    )
+    schedule = {**scenario.schedule, "masses": PiecewiseConstant(at, values)}
+    return dataclasses.replace(scenario, parameters=parameters, schedule=schedule)
