@@ -7,6 +7,7 @@ from .command import early
 if __name__ == "__main__":
     early.begin("tune")
 
+import math
 import time
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -14,6 +15,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import torch
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
@@ -30,6 +32,7 @@ from .runs.life import finish
 from .runs.pictures import check_pictures, linked, save_all
 from .runs.progress import progress_bar
 from .runs.writing import csv_text, write_json, write_text
+from .settings.checks import check_between, check_positive
 from .settings.study_config import TuneConfig
 from .tuning import held_out
 from .tuning.figures import pareto, progress_curves
@@ -71,6 +74,7 @@ def tuner_of(cfg: TuneConfig) -> Tuner:
         raise ConfigError(
             f"names: {', '.join(shared)} differ between train.scenarios: give one in `start`"
         )
+    coordinates = Coordinates(ensemble.loop.controller, cfg.names, cfg.matrix_form)
     schedule = asdict(cfg.schedule)
     try:
         schedule["curriculum"] = [(int(a), float(b)) for a, b in cfg.schedule.curriculum]
@@ -80,11 +84,22 @@ def tuner_of(cfg: TuneConfig) -> Tuner:
         ) from None
     return Tuner(
         ensemble,
-        Coordinates(ensemble.loop.controller, cfg.names, cfg.matrix_form),
+        coordinates,
         Objective(**asdict(cfg.objective)),
         GradientSettings(**asdict(cfg.gradient)),
         Schedule(**schedule, seed=cfg.seed),
+        begin=_begin(cfg, coordinates.size),
     )
+
+
+def _begin(cfg: TuneConfig, size: int) -> torch.Tensor | None:
+    """Where a restart begins: log factors, uniform; None for the constants themselves."""
+    check_between(cfg, {"restart": (0, 2**31), "seed": (0, 2**32 - 1)})
+    check_positive("restart_spread", cfg.restart_spread)
+    if cfg.restart == 0:
+        return None
+    unit = np.random.default_rng([cfg.seed, cfg.restart]).uniform(-1.0, 1.0, size)
+    return torch.from_numpy(math.log1p(cfg.restart_spread) * unit)
 
 
 def _restored(tuner: Tuner, folder: Path) -> Tuner:

@@ -32,6 +32,15 @@ def as_float64(value: Numbers, what: str = "value") -> Tensor:
         raise ConfigError(f"{what} = {value!r} is not made of numbers in rows: {error}") from None
 
 
+def number_by_number(x: Tensor) -> Tensor:
+    """x in a layout that torch's elementwise functions take one number at a time.
+
+    In a contiguous tensor the numbers after the last whole vector go another way, and come out
+    different in the last bit: a sample's would depend on its place in the batch.
+    """
+    return x.unsqueeze(-1).expand(*x.shape, 2).contiguous()[..., 0]
+
+
 def row_times(x: Tensor, A: Tensor) -> Tensor:
     """x' A: (..., a), (..., a, b) -> (..., b)."""
     return (x.unsqueeze(-2) @ A).squeeze(-2)

@@ -22,23 +22,32 @@ def srmse(trajectory: Outcome, after: float | None = None) -> Tensor:
     Raises `RecordError` where no motion was kept at `after`.
     """
     step_t, horizon = trajectory.step_t, trajectory.horizon
-    counted = counted_in(step_t, horizon)
-    total = trajectory.squared_error[-1]
-    column = (-1, *(1,) * horizon.dim())
-    shares = shares_of(step_t).reshape(column)
+    total, shares = trajectory.squared_error[-1], shares_of(step_t)
     if after is not None:
         later = step_t > after + MERGE
-        counted = counted & later.reshape(column)
+        shares = shares * later
         motion = _motion(trajectory)
         if motion.complete:
             # All motion is kept: no difference of integrals, which would lose a small late error.
-            weights = (shares * counted)[: len(motion.t)].unsqueeze(-1)
+            column = shares.reshape(-1, *(1,) * horizon.dim())
+            weights = (column * counted_in(step_t, horizon))[: len(motion.t)].unsqueeze(-1)
             total = (weights * motion.error.square()).sum(dim=0)
         else:
             until = _integral_until(motion, int((~later).sum()) - 1)
             total = (total - until).clamp(min=0.0)
-    length = (shares * counted).sum(dim=0)
+    length = _length(shares, step_t, horizon)
     return _root_mean(total, length, (trajectory.status == int(Status.OK)) & (length > 0))
+
+
+def _length(shares: Tensor, step_t: Tensor, horizon: Tensor) -> Tensor:
+    """Sum of the shares (T+1,) of time within each sample's horizon, (...,) [s].
+
+    One sum a horizon, not one a sample: memory for every step of each sample is more than a rollout
+    without motion needs itself, and rows of their own are summed alike in any batch.
+    """
+    ends, place = torch.unique(horizon, return_inverse=True)
+    counted = counted_in(step_t, ends).mT.contiguous()
+    return (shares * counted).sum(dim=-1)[place]
 
 
 def _motion(trajectory: Outcome) -> Motion:

@@ -107,6 +107,7 @@ def test_one_file_touches_torchs_tracing_internals() -> None:
 ROOMS = (
     ("settings",),
     ("runs",),
+    ("ensembles",),
     ("sweeps",),
     ("command",),
     ("records",),

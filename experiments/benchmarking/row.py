@@ -17,8 +17,8 @@ import mann_torch as mt
 
 from ..building.build import Experiment, build
 from ..command.cli import compose_job
+from ..runs.workers import peak_mb
 from ..settings.config import SimulateConfig
-from .measure import peak_mb
 
 #: The controller that every engine runs: smooth, so that all must reach the same figure.
 SMOOTH = "soft"

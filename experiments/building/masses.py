@@ -6,6 +6,8 @@ import math
 import re
 from typing import Any
 
+import numpy as np
+
 from mann_torch.errors import ConfigError
 from mann_torch.signals import growing_square, multiplied
 
@@ -45,13 +47,13 @@ def mass_schedule(
 
 def _possible(times: list[float], rows: list[list[float]], where: str) -> list[list[float]]:
     """The rows, if the plant can compute with every one: it multiplies masses by each other."""
-    for time, row in zip(times, rows[1:], strict=True):
-        for mass in row:
-            if not LEAST_MASS <= mass <= MOST_MASS:
-                raise ConfigError(
-                    f"scenario.{where}: from {time:g} s on a mass is {mass:g} kg; "
-                    f"{LEAST_MASS:g} to {MOST_MASS:g} kg can be computed with"
-                )
+    later = np.array([[np.asarray(mass) for mass in row] for row in rows[1:]])
+    bad = np.argwhere(~((later >= LEAST_MASS) & (later <= MOST_MASS)))
+    if len(bad):
+        raise ConfigError(
+            f"scenario.{where}: from {times[bad[0][0]]:g} s on a mass is {later[tuple(bad[0])]:g} "
+            f"kg; {LEAST_MASS:g} to {MOST_MASS:g} kg can be computed with"
+        )
     return rows
 
 

@@ -29,6 +29,15 @@ HELP = {
         },
         ("scenario", "controller", "keys", "solver", "plant"),
     ),
+    "ensemble": Help(
+        "Roll one scenario out thousands of times, with random masses and draws: how SRMSE is "
+        "spread, and which rollouts are the worst.",
+        {
+            "example": "scenario=1 controller=hard rollouts=10000 masses.spread=0.3",
+            "spread out": "-m first=0,2500,5000,7500 rollouts=2500 hydra/launcher=joblib",
+        },
+        ("scenario", "controller", "keys", "solver", "plant"),
+    ),
     "reproduce": Help(
         "Reproduce the paper's tables, figures and claims.",
         {

@@ -11,6 +11,7 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 
 from ..settings.config import ReproduceConfig, SimulateConfig
+from ..settings.ensemble_config import EnsembleConfig
 from ..settings.memory_config import OnlineRegressionConfig, RecallConfig
 from ..settings.study_config import GradientReportConfig, TuneConfig
 from .help_texts import help_text
@@ -49,6 +50,7 @@ def register() -> None:
     store.store(name="base_simulate", node=SimulateConfig)
     store.store(name="base_reproduce", node=ReproduceConfig)
     store.store(name="base_online_regression", node=OnlineRegressionConfig)
+    store.store(name="base_ensemble", node=EnsembleConfig)
     store.store(name="base_recall", node=RecallConfig)
     store.store(name="base_tune", node=TuneConfig)
     store.store(name="base_gradient_report", node=GradientReportConfig)

@@ -1,14 +1,17 @@
-"""Work spread over processes: one progress bar, results as they come, no orphans."""
+"""Work spread over processes: one progress bar, results as they come, no orphans, no crowd."""
 
 from __future__ import annotations
 
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from pathlib import Path
 from queue import Empty
 from typing import Any, TypeVar
 
@@ -21,6 +24,19 @@ from .progress import progress_bar
 Result = TypeVar("Result")
 #: What a worker counts before it tells the bar.
 REPORT_EVERY = 1000
+#: The most workers of this process; None: as many as are asked for.
+_most: int | None = None
+
+
+@contextmanager
+def at_most(count: int | None) -> Iterator[None]:
+    """Start no more workers than this: of several jobs side by side, each has a share of cores."""
+    global _most
+    before, _most = _most, count
+    try:
+        yield
+    finally:
+        _most = before
 
 
 def in_parallel(
@@ -37,6 +53,7 @@ def in_parallel(
     waits for what is queued or running, and workers do not outlive this process. Raises
     `SolverError` where a worker died.
     """
+    workers = workers if _most is None else min(workers, _most)
     with progress_bar(total, unit) as bar:
         if workers == 1 or len(arguments) == 1:
             for number, given in enumerate(arguments):
@@ -110,3 +127,21 @@ def _drain(counts: Any, update: Callable[[int], object]) -> None:
             update(counts.get_nowait())
     except Empty:
         pass
+
+
+def peak_mb() -> float:
+    """Peak memory of this process [MB]; NaN where the system does not tell.
+
+    Linux hands `ru_maxrss` of a process on to what it starts; the high water mark is its own.
+    """
+    status = Path("/proc/self/status")
+    if status.exists():
+        for row in status.read_text().splitlines():
+            if row.startswith("VmHWM:"):
+                return int(row.split()[1]) / 1024
+    if sys.platform == "win32":
+        return float("nan")
+    import resource
+
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most / 1024**2 if sys.platform == "darwin" else most / 1024

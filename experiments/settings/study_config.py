@@ -95,6 +95,8 @@ class TuneConfig(StudyConfig):
 
     names: list[str] = field(default_factory=list)  # constants to tune
     start: Any = None  # values to start from, by name; what is not given is each scenario's own
+    restart: int = 0  # 0: begin there; 1, 2, ...: at a random point about it, by seed and number
+    restart_spread: float = 1.0  # a random point is each constant times a factor in 1/2 to 2
     matrix_form: str = "scalar"
     train: SetConfig = field(default_factory=SetConfig)
     held_out: SetConfig = field(default_factory=SetConfig)

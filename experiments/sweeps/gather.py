@@ -34,6 +34,7 @@ class Run:
     status: str
     command: str = ""
     metrics: Measured = field(default_factory=dict)
+    folder: Path | None = None
 
     @property
     def finished(self) -> bool:
@@ -57,12 +58,11 @@ def read_run(folder: Path, name: str, cfg: Any = None) -> Run:
             settings[ENGINE] = record["engine"]
     except FileNotFoundError:
         status = "not finished" if failed is None else f"failed: {failed}"
-        return Run(name, settings, named, status)
+        return Run(name, settings, named, status, folder=folder)
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return Run(name, settings, named, "metrics.json cannot be read")
-    return Run(
-        name, settings, named, status if failed is None else f"failed: {failed}", command, metrics
-    )
+    status = status if failed is None else f"failed: {failed}"
+    return Run(name, settings, named, status, command, metrics, folder)
 
 
 def runs_below(folder: Path, label: str = "") -> list[Run]:

@@ -13,6 +13,7 @@ import torch
 from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 
+from ..runs.workers import at_most
 from ..runs.writing import write_json
 from .launchers import job_threads
 
@@ -36,7 +37,8 @@ def part_of_sweep(one_line: Callable[[Exception], str], name: str) -> Iterator[N
     folder = Path(cfg.runtime.output_dir)
     (folder / FAILURE).unlink(missing_ok=True)
     try:
-        yield
+        with at_most(threads):
+            yield
     except SystemExit as stop:  # it has said why
         if stop.code:
             write_json(folder / FAILURE, {"error": f"exit code {stop.code}"})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -26,9 +27,12 @@ def measured(record: Mapping[str, Any]) -> tuple[Measured, str]:
 
 
 def _diverged(record: Mapping[str, Any]) -> str:
-    status = record.get("status", [])
-    lost = sum(each != "ok" for each in status)
-    return f"{lost} of {len(status)} draws diverged" if lost else "ok"
+    if command_of(record) == "ensemble":
+        lost, of = record["diverged"], record["rollouts"]
+    else:
+        status = record.get("status", [])
+        lost, of = sum(each != "ok" for each in status), len(status)
+    return f"{lost} of {of} draws diverged" if lost else "ok"
 
 
 def _over_draws(values: Sequence[Any]) -> Interval:
@@ -51,6 +55,13 @@ def _simulate(record: Mapping[str, Any]) -> Measured:
     return found
 
 
+def _ensemble(record: Mapping[str, Any]) -> Measured:
+    """Means over rollouts, and what a hundredth of them exceeds."""
+    of = record["measures"]
+    found = {name: Interval(_one(m["mean"]).mean, _one(m["half"]).mean) for name, m in of.items()}
+    return found | {f"{name}_q99": _one(of[name]["q99"]) for name in ("srmse_1", "srmse_2")}
+
+
 def _gradient_report(record: Mapping[str, Any]) -> Measured:
     found = {name: _over_draws(record[name]) for name in ("srmse", "switches", "reallocations")}
     return found | {
@@ -59,11 +70,20 @@ def _gradient_report(record: Mapping[str, Any]) -> Measured:
 
 
 def _tune(record: Mapping[str, Any]) -> Measured:
-    """Objective at the start and end, and what tuning changed on scenarios held out [%]."""
+    """Objective at the end and the start, the constants, and changes on scenarios held out [%]."""
     history = [entry["objective"] for entry in record["history"]]
     found = {}
     if history:
         found = {"objective": _one(history[-1]), "objective_first": _one(history[0])}
+    tuned = [v["srmse"]["mean"] for v in record["held_out"] if v["candidate"] == "tuned"]
+    if tuned and None not in tuned:
+        found["held_out_srmse"] = _one(np.mean(tuned))
+    for name, value in record["constants"].items():
+        if isinstance(value, list):
+            places = itertools.product(range(len(value)), repeat=2)
+            found |= {f"{name}_{i + 1}{j + 1}": _one(value[i][j]) for i, j in places if value[i][j]}
+        else:
+            found[name] = _one(value)
     for verdict in record["held_out"]:
         start = f"{verdict['candidate']}_{verdict['scenario']}".replace(" ", "_")
         for name in ("srmse", "rate", "peak"):
@@ -108,6 +128,7 @@ def _learning(record: Mapping[str, Any]) -> Measured:
 
 READERS: dict[str, Callable[[Mapping[str, Any]], Measured]] = {
     "simulate": _simulate,
+    "ensemble": _ensemble,
     "tune": _tune,
     "gradient_report": _gradient_report,
     "reproduce": _reproduce,

@@ -1,4 +1,4 @@
-"""What tuning came to, as a page."""
+"""A tuning run as a page."""
 
 from __future__ import annotations
 
@@ -20,19 +20,22 @@ def signals_of(tuner: Tuner) -> dict[str, Interval]:
 
 
 def report_of(tuner: Tuner, verdicts: Sequence[Verdict], command: str, tuning_s: float) -> str:
-    """In Markdown."""
+    """The page: constants, what told the tuner where to go, the judgement held out."""
     n = len(tuner.history)
+    z = torch.zeros_like(tuner.z) if tuner.begin is None else tuner.begin
+    begun, signals = tuner.coordinates.values(z), signals_of(tuner)
     lines = [
         f"# Tuned constants\n\n{n} iterations, {tuning_s:.0f} s. Made by `{command}`.\n",
-        "| constant | start | tuned | gradient, first quarter |",
-        "|---|---|---|---|",
+        "| constant | start | begun at | tuned | gradient, first quarter |",
+        "|---|---|---|---|---|",
     ]
-    signals = signals_of(tuner)
     for name, value in tuner.values().items():
         start = tuner.coordinates.starts()[name]
         parts = [s for label, s in signals.items() if label.split("[")[0] == name]
         told = ", ".join(f"{s.mean:+.4f} ± {s.half:.4f}" for s in parts)
-        lines.append(f"| {name} | {_text(start)} | {_text(value)} | {told} |")
+        lines.append(
+            f"| {name} | {_text(start)} | {_text(begun[name])} | {_text(value)} | {told} |"
+        )
     quiet = tuner.silent()
     if tuner.schedule.optimizer == "optuna":
         lines.append("\nA search without gradients: nothing says which constants mattered.")

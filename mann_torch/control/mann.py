@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ..errors import ConfigError
-from ..functional import Numbers, frobenius, per_matrix, times_column
+from ..functional import Numbers, frobenius, number_by_number, per_matrix, times_column
 from ..memory import WorkingMemory
 from ..types import (
     ControllerState,
@@ -96,8 +96,9 @@ class MannController(Controller):
         if self.memory is None:
             return ControllerState(network, None), None
         _, _, features = self._look(reference, measurement, network)
-        memory = self.memory.initial_state(features.hidden, measurement.q)
-        mode = self.memory.initial_mode(features.hidden.shape[:-1])
+        hidden = torch.sigmoid(number_by_number(features.pre))  # the same bits in any batch
+        memory = self.memory.initial_state(hidden, measurement.q)
+        mode = self.memory.initial_mode(hidden.shape[:-1])
         return ControllerState(network, memory), mode
 
     def forward(

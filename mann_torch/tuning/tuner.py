@@ -27,7 +27,10 @@ class Tuner:
 
     Every iteration draws from a generator seeded by its own number: a run that is loaded from
     `state_dict` goes on exactly as if it had never stopped. `objective` is an `Objective` or, with
-    a judge and limits of one's own, a `Criterion`.
+    a judge and limits of one's own, a `Criterion`. `begin` (P,) are the coordinates to begin at, 0
+    if not given; the objective is relative to the constants at 0 in any case.
+
+    Raises `ConfigError` where the parts do not fit.
     """
 
     ensemble: Ensemble
@@ -37,10 +40,13 @@ class Tuner:
     schedule: Schedule
     z: Tensor = field(init=False)
     history: list[dict[str, Any]] = field(default_factory=list)
+    begin: Tensor | None = None
 
     def __post_init__(self) -> None:
         self.gradient.check(len(self.ensemble), self.coordinates, self.schedule.minibatch)
         self.z = torch.zeros(self.coordinates.size, dtype=torch.float64, requires_grad=True)
+        if self.begin is not None:
+            self._begin_at(self.begin)
         self._start: dict[float | None, Any] = {}
         rate = self.schedule.rate
         self._optimizer: torch.optim.Optimizer | None = None
@@ -52,6 +58,14 @@ class Tuner:
             self._optimizer = torch.optim.LBFGS(
                 [self.z], lr=1.0, max_iter=3, max_eval=6, line_search_fn="strong_wolfe"
             )
+
+    def _begin_at(self, z: Tensor) -> None:
+        if self.schedule.optimizer == "optuna":
+            raise ConfigError("optimizer 'optuna' begins everywhere: give it another seed instead")
+        if z.shape != self.z.shape or not bool(torch.isfinite(z).all()):
+            raise ConfigError(f"begin = {z.tolist()}: give {len(self.z)} finite coordinates")
+        with torch.no_grad():
+            self.z.copy_(z)
 
     @property
     def iteration(self) -> int:

@@ -13,7 +13,14 @@ from mann_torch.types import (
     NetworkState,
     ReferenceSample,
 )
-from tests.conftest import CONTROLLERS, make_controller, make_scenario, randn
+from tests.conftest import (
+    CONTROLLERS,
+    generator,
+    make_controller,
+    make_loop,
+    make_scenario,
+    randn,
+)
 
 N, n, n_in, S = 3, 2, 10, 2
 
@@ -109,6 +116,22 @@ def test_torque_gains_are_the_torques_derivative_where_attention_is_fixed(name: 
     # Soft attention's weights move with the velocity too: there the gain is approximate.
     tolerance = 0.05 if name == "soft" else 1e-10
     assert float((gains.rate - exact).norm() / exact.norm()) <= tolerance
+
+
+def test_a_memory_starts_from_the_same_bits_in_any_batch() -> None:
+    """Torch takes the numbers after the last whole vector another way."""
+    loop = make_loop("hard", n_hidden=10)
+    scenario = make_scenario()
+    network = loop.controller.initial_network((333,), generator(1))
+    network = network._replace(V=30.0 * network.V)
+    whole = loop.initial_state(scenario, network)[0].controller.memory.mu
+    for rows in (slice(0, 1), slice(1, 3), slice(0, 125), slice(300, 333)):
+        part = type(network)(*(leaf[rows] for leaf in network))
+        mu = loop.initial_state(scenario, part)[0].controller.memory.mu
+        assert torch.equal(mu, whole[rows]), rows
+    for row in range(100):
+        alone = type(network)(*(leaf[row] for leaf in network))
+        assert torch.equal(loop.initial_state(scenario, alone)[0].controller.memory.mu, whole[row])
 
 
 def test_constants_by_name_with_domains_and_batch_shape() -> None:

@@ -10,12 +10,14 @@ from omegaconf import DictConfig, ListConfig, OmegaConf
 
 from experiments.command.cli import compose_job
 
-COMMANDS = ("simulate", "reproduce", "tune", "gradient_report", "recall", "online_regression")
+COMMANDS = (
+    *("simulate", "ensemble", "reproduce", "tune", "gradient_report", "recall"),
+    "online_regression",
+)
 #: How often each is asked: the quick ones more.
-SHARE = (6, 2, 3, 4, 5, 5)
+SHARE = (6, 4, 2, 3, 4, 5, 5)
 #: Numbers that may be anything finite, or that nothing computes with.
 _ANY_SIGN = ("amplitude", "frequency", "offset", "q", "qd", "gravity", "paper", "paper_reduction")
-_MAY_BE_ZERO = ("initial.draw", "seed", "noise.seed", "output.member", "member", "joint")
 #: Sizes that no machine has room for, and counts that no one lives to see the end of.
 _SIZES = (
     "draws",
@@ -26,6 +28,8 @@ _SIZES = (
     "schedule.iterations",
     "workers",
     "seeds",
+    "rollouts",
+    "chunk",
     "batch",
     "test_sequences",
     "n_slots",
@@ -57,6 +61,14 @@ TOGETHER = {
         ("controler=hard",),
         ("--foo",),
         ("initial.weights_file=/nowhere.npz",),
+    ),
+    "ensemble": (
+        ("masses.spread=1",),
+        ("first=1000000", "rollouts=1000000"),
+        ("rollouts=1000000000",),
+        ("chunk=10000", "memory.n_slots=100000"),
+        ("plant.masses=[1e101,1]",),
+        ("scenario.mass_jumps=[[1,1e200],[2,1e200]]",),
     ),
     "reproduce": (
         ("experiment=[table_9]",),
@@ -153,10 +165,8 @@ def _spoiled(name: str, value: Any) -> list[str]:
     bad = ["nan", "inf", "-inf", "true", "foo", "[1,2,3]", "{a:1}", "1e", "''"]
     if own not in _ANY_SIGN:
         bad.append("-1")
-    if own not in (*_ANY_SIGN, *_MAY_BE_ZERO) and isinstance(value, int) and name in _SIZES:
-        bad.append("0")
     if name in _SIZES:
-        bad += ["1000000000", "1000000000000"]
+        bad += ["0", "1000000000", "1000000000000"]
     if isinstance(value, int):
         bad += ["2.5", "99999999999999999999"]
     return bad

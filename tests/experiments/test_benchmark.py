@@ -15,9 +15,10 @@ from experiments.benchmarking import parts as benchmark_parts
 from experiments.benchmarking import start as benchmark_start
 from experiments.benchmarking.curves import linearity
 from experiments.benchmarking.lines import measured, table, verdicts
-from experiments.benchmarking.measure import Section, Times, in_turns, peak_mb, ratio_of
+from experiments.benchmarking.measure import Section, Times, in_turns, ratio_of
 from experiments.benchmarking.n_link import NLinkArm, NLinkParameters
 from experiments.benchmarking.row import PAPER, Line, measure
+from experiments.runs.workers import peak_mb
 
 
 def columns(text: str) -> set[int]:

@@ -1,5 +1,6 @@
 """The tune command line: what it leaves behind, what it refuses, and that it survives a kill."""
 
+import csv
 import json
 import os
 import signal
@@ -98,7 +99,31 @@ def test_constants_of_another_run_are_compared(
     assert [row["candidate"] for row in rows] == ["tuned", "tuned: write_gain, error_gain"]
 
 
+def test_restarts_end_in_a_table_that_tells_the_best(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments = [*SMALL, "schedule.iterations=2", "held_out.scenarios=['4']", "gradient.mode=plain"]
+    swept = ["-m", "restart=0,1,2", "restart_spread=0.5", *arguments, f"run_dir={folder}"]
+    assert run(monkeypatch, *swept) == 0
+    rows = list(csv.DictReader((folder / "sweep.csv").read_text().splitlines()))
+    assert [row["restart"] for row in rows] == ["0", "1", "2"]
+    assert len({row["objective_first"] for row in rows}) == 3
+    for number, row in enumerate(rows):
+        metrics = json.loads((folder / str(number) / "metrics.json").read_text())
+        assert float(row["write_gain"]) == metrics["constants"]["write_gain"]
+        assert float(row["error_gain_11"]) == metrics["constants"]["error_gain"][0][0]
+        assert "error_gain_12" not in row
+        changed = metrics["held_out"][0]["srmse"]["mean"]
+        assert float(row["held_out_srmse"]) == float(row["tuned_4_srmse"]) == changed
+        begun = [float(value) for value in metrics["history"][0]["z"]]
+        assert max(map(abs, begun)) < 0.41 + 2 * 0.15  # log 1.5, and steps of Adam
+    best = min(rows, key=lambda row: float(row["objective"]))
+    assert f"Least objective: run {best['run']} (" in (folder / "sweep.md").read_text()
+
+
 BAD = {
+    "restart=-1": "restart = -1",
+    "restart_spread=0": "restart_spread",
     "names=[c_w]": "no design constant 'c_w'",
     "names=[]": "no constant to tune",
     "names=[e_modification]": "can't be tuned from 0",

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import mann_torch as mt
-from experiments.runs.workers import in_parallel
+from experiments.runs.workers import at_most, in_parallel
 
 ROOT = Path(__file__).parent.parent.parent
 
@@ -30,6 +30,19 @@ def die(x: int, progress: Callable[[int], object]) -> int:
 def test_every_result_comes_with_its_number(workers: int) -> None:
     found = dict(in_parallel(square, [(3,), (4,), (5,)], workers, 3, "job"))
     assert found == {0: 9, 1: 16, 2: 25}
+
+
+def own_pid(x: int, progress: Callable[[int], object]) -> int:
+    return os.getpid()
+
+
+def test_a_share_of_the_cores_bounds_the_workers() -> None:
+    with at_most(1):
+        found = dict(in_parallel(own_pid, [(1,), (2,), (3,)], 4, 3, "job"))
+    assert set(found.values()) == {os.getpid()}
+    with at_most(2):
+        found = dict(in_parallel(own_pid, [(1,), (2,), (3,)], 4, 3, "job"))
+    assert os.getpid() not in found.values() and len(set(found.values())) <= 2
 
 
 def test_a_worker_that_dies_is_named() -> None:

@@ -1,5 +1,6 @@
 """The tuner on short rollouts of the real loop."""
 
+import dataclasses
 import io
 import math
 
@@ -64,6 +65,20 @@ def test_every_mode_goes_downhill(mode: str) -> None:
     assert run.values()["error_gain"][0, 0] > 5.0  # a larger Lambda is where it goes
     found = run.signal()
     assert found.mean.shape == found.half.shape == (3,) and found.mean[0] < 0
+
+
+def test_a_restart_begins_elsewhere_and_is_judged_by_the_same_start() -> None:
+    run = tuner("plain", iterations=3)
+    begin = torch.tensor([0.2, -0.1, 0.3], dtype=torch.float64)
+    other = dataclasses.replace(run, begin=begin)
+    assert torch.equal(other.z, begin)
+    values = {k: v.expand(1, *v.shape) for k, v in run.coordinates.values(begin).items()}
+    start, there = run.ensemble.scores({}), run.ensemble.scores(values)
+    first = other.step()["objective"]
+    assert first == pytest.approx(float(other.objective(there, start).mean()))
+    for bad in (torch.zeros(2), torch.tensor([0.0, 0.0, math.nan])):
+        with pytest.raises(mt.ConfigError, match="3 finite coordinates"):
+            dataclasses.replace(run, begin=bad)
 
 
 @pytest.mark.parametrize("optimizer", OPTIMIZERS)

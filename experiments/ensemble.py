@@ -1,0 +1,155 @@
+"""Thousands of rollouts of one scenario, with random masses and draws: how SRMSE is spread."""
+
+from __future__ import annotations
+
+from .command import early
+
+if __name__ == "__main__":
+    early.begin("ensemble")
+
+import dataclasses
+import shlex
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import OmegaConf
+
+from mann_torch.errors import ConfigError
+
+from .building.chunks import experiment_of, run_chunk
+from .building.ensembles import check_copies
+from .command.cli import command_line, reject_unknown, run_cli
+from .command.overrides import as_typed
+from .ensembles.report import Told, write_ensembles
+from .ensembles.rollouts import Chunk, Rollouts, joined
+from .ensembles.summary import measures, statistics, table
+from .records.recording import IDENTITY, log_summary, summary_writer, telling_settings
+from .runs.life import finish
+from .runs.parts import all_parts, npz_parts
+from .runs.pictures import check_pictures
+from .settings.checks import check_between, check_horizon
+from .settings.config import SimulateConfig
+from .settings.ensemble_config import EnsembleConfig
+from .settings.machine import check_workers
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Rollouts and draws are numbered below this.
+NUMBERS = 1 << 20
+
+
+def main() -> None:
+    """Command line of `python -m experiments.ensemble`."""
+    run_cli("ensemble", checked, _task)
+
+
+def checked(cfg: Any) -> EnsembleConfig:
+    """A composed configuration as plain dataclasses, its names, types and ranges verified."""
+    reject_unknown(cfg, EnsembleConfig)
+    plain = cast(EnsembleConfig, OmegaConf.to_object(cfg))
+    check_between(plain, {"first": (0, NUMBERS - 1), "rollouts": (1, NUMBERS)})
+    check_between(plain, {"chunk": (1, 10_000)})
+    check_pictures(plain.output)
+    check_horizon(plain.horizon)
+    check_workers(plain.workers)
+    if not 0 <= plain.masses.spread < 1:
+        raise ConfigError(f"masses.spread = {plain.masses.spread}: must be >= 0 and < 1")
+    first, last = plain.first, plain.first + plain.rollouts - 1
+    if not 0 <= plain.initial.draw <= plain.initial.draw + last < NUMBERS:
+        raise ConfigError(
+            f"initial.draw = {plain.initial.draw}, first = {first}, rollouts = {plain.rollouts}: "
+            "draws must be >= 0 and < 2^20"
+        )
+    check_copies(plain, plain.chunk * plain.workers, f"chunk = {plain.chunk}")
+    if plain.initial.weights_file is None:
+        experiment_of(plain, last, 1)
+    else:  # which may lack any of them
+        experiment_of(plain, first, plain.rollouts)
+    return plain
+
+
+def run_alone() -> str:
+    """The `simulate` command of one rollout, but for its draw and masses."""
+    own = {field.name for field in dataclasses.fields(EnsembleConfig)}
+    own -= {field.name for field in dataclasses.fields(SimulateConfig)}
+    own |= {"run_dir", "initial.draw", "plant.masses"}
+    kept = []
+    for override in map(as_typed, HydraConfig.get().overrides.task):
+        name = override.lstrip("+~").partition("=")[0]
+        if name not in own and name.partition(".")[0] not in own:
+            kept.append(override)
+    return shlex.join(["python", "-m", "experiments.simulate", *kept])
+
+
+def _task(cfg: Any) -> None:
+    plain = checked(cfg)
+    folder = Path(HydraConfig.get().runtime.output_dir)
+    start = time.perf_counter()
+    end = plain.first + plain.rollouts
+    chunks = {
+        f"{first}_{min(plain.chunk, end - first)}": (plain, first, min(plain.chunk, end - first))
+        for first in range(plain.first, end, plain.chunk)
+    }
+    counts = [count for _, _, count in chunks.values()]
+    kept = npz_parts(Chunk, folder / "finished")
+    parts = list(all_parts(run_chunk, chunks, counts, kept, plain.workers, "rollout", 1).values())
+    wall_s = time.perf_counter() - start
+    rollouts, command = joined(parts), command_line("experiments.ensemble")
+    title = (
+        f"scenario {plain.scenario.name}, {plain.controller.name}, {plain.keys.name} keys, "
+        f"masses ± {100 * plain.masses.spread:g} %"
+    )
+    alone, most = run_alone(), max(part.peak_mb for part in parts)
+    told = Told(rollouts, title, alone, plain.initial.draw)
+    note = f"{wall_s:.0f} s; a process took at most {most:.0f} MB."
+    figures = write_ensembles(folder, {"": told}, command, note, plain.output)
+    if plain.output.tensorboard:
+        _log(folder, plain, command, rollouts, figures)
+    found = statistics(rollouts)
+    lost = len(rollouts) - int(rollouts.ok.sum())
+    record = {
+        "command": command,
+        "alone": alone,
+        "title": title,
+        "scenario": plain.scenario.name,
+        "controller": plain.controller.name,
+        "keys": plain.keys.name,
+        "rollouts": len(rollouts),
+        "diverged": lost,
+        "measures": found,
+        "engine": ", ".join(sorted({part.engine for part in parts})),
+        "peak_mb": most,
+        "wall_s": wall_s,
+        "units": {"srmse": "rad", "srmse_after_10s": "rad", "wall_s": "s", "peak_mb": "MB"},
+    }
+    finish(folder, record)
+    print(f"{title}: {len(rollouts)} rollouts, {note}\n{table(found)}")
+    print(f"written to {folder}", flush=True)
+    if lost:
+        print(f"warning: {lost} rollouts diverged, see ensemble.md", file=sys.stderr)
+
+
+def _log(
+    folder: Path,
+    cfg: EnsembleConfig,
+    command: str,
+    rollouts: Rollouts,
+    figures: dict[str, Figure],
+) -> None:
+    """TensorBoard: the measures as histograms, their means, the settings, the picture."""
+    with summary_writer(folder, command) as writer:
+        for name, column in measures(rollouts).items():
+            finite = column[rollouts.ok & np.isfinite(column)]
+            if len(finite):
+                writer.add_histogram(name, finite)
+        results = {f"metrics/{k}": v["mean"] for k, v in statistics(rollouts).items()}
+        log_summary(writer, telling_settings(cfg, IDENTITY), results, figures)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""What an ensemble came to: a line a rollout, a summary, a histogram."""
