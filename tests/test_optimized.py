@@ -4,10 +4,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 SCRIPT = """
 import torch
 import mann_torch as mt
+from tests.conftest import make_controller, make_scenario
+from tests.simulation.broken import NaNLoad
 
 assert False, "never reached under -O"
 
@@ -28,6 +32,12 @@ refused(mt.DomainError, lambda: mt.MannController(2, 3, base_gain=nan))
 refused(mt.ConfigError, lambda: mt.MannController(2, 0))
 refused(mt.ConfigError, lambda: mt.Sinusoid([nan, 1.0]))
 refused(mt.ConfigError, lambda: mt.Odeint("rk4", max_step=1e-12))
+loop = mt.ClosedLoop(NaNLoad(), make_controller("nn"))
+for solver in (mt.Implicit(5e-3), mt.Odeint("dopri5", max_evaluations=200)):
+    with torch.no_grad():
+        run = mt.rollout(loop, make_scenario(0.05), solver, engine="torch")
+    if run.describe_status() != ["diverged at t = 0.025 s: q not finite"]:
+        raise SystemExit(f"{solver.name}: {run.describe_status()}")
 print("all refused")
 """
 
@@ -86,5 +96,6 @@ def test_bad_input_is_refused_without_asserts() -> None:
     assert optimized(SCRIPT) == "all refused\n"
 
 
+@pytest.mark.slow
 def test_rollouts_that_fail_say_so_without_asserts() -> None:
     assert optimized(ROLLOUTS) == TOLD
