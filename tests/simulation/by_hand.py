@@ -26,6 +26,7 @@ class Equations(NamedTuple):
     arm: tuple[ndarray, ndarray, ndarray, ndarray]  # masses, lengths, viscous, coulomb, each (2,)
     shapes: Sequence[tuple[int, ...]]  # of q, qd, W, b_w, V, b_v and, with a memory, mu, keys
     used: ndarray | None = None  # (S,) bool
+    held: ndarray | None = None  # (S,) weights of attention that switches; None: soft
 
     def parts(self, y: ndarray) -> list[ndarray]:
         """The state's members, each (K, *shape)."""
@@ -36,14 +37,7 @@ class Equations(NamedTuple):
     def __call__(self, t: float, y: ndarray) -> ndarray:
         """dy/dt, shaped like y."""
         q, qd, W, b_w, V, b_v, *memory = self.parts(y)
-        c = self.c
-        amplitude, frequency, offset = self.swing
-        s = offset + amplitude * np.sin(frequency * t)
-        ds = amplitude * frequency * np.cos(frequency * t)
-        dds = -(frequency**2) * (s - offset)
-        e, de = s - q, ds - qd
-        r = de + e @ np.asarray(c["error_gain"]).T
-        x = np.concatenate([e, de, *(np.broadcast_to(a, q.shape) for a in (s, ds, dds))], axis=1)
+        c, (e, r, x) = self.c, self.errors(t, q, qd)
         pre = (x[:, None] @ V)[:, 0] + b_v
         sigma = 1 / (1 + np.exp(-pre))
         slope, W_r = sigma * (1 - sigma), (W @ r[:, :, None])[:, :, 0]
@@ -65,8 +59,21 @@ class Equations(NamedTuple):
         flat = np.concatenate([rate.reshape(len(q), -1) for rate in rates], axis=1)
         return flat.T.reshape(y.shape)
 
+    def errors(self, t: float, q: ndarray, qd: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+        """e and r (K, 2), and the network's input (K, 10)."""
+        amplitude, frequency, offset = self.swing
+        s = offset + amplitude * np.sin(frequency * t)
+        ds = amplitude * frequency * np.cos(frequency * t)
+        dds = -(frequency**2) * (s - offset)
+        e, de = s - q, ds - qd
+        r = de + e @ np.asarray(self.c["error_gain"]).T
+        wide = (np.broadcast_to(a, q.shape) for a in (s, ds, dds))
+        return e, r, np.concatenate([e, de, *wide], axis=1)
+
     def attended(self, q: ndarray, sigma: ndarray, mu: ndarray, keys: ndarray) -> ndarray:
-        """Weights of soft attention (K, S)."""
+        """Weights of soft attention (K, S), or those held."""
+        if self.held is not None:
+            return np.broadcast_to(self.held, mu.shape[:2])
         score = (keys @ q[:, :, None] if keys.size else mu @ sigma[:, :, None])[:, :, 0]
         w = np.where(self.used, np.exp(score - score.max(axis=1, keepdims=True)), 0.0)
         return w / w.sum(axis=1, keepdims=True)
