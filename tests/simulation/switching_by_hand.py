@@ -82,10 +82,14 @@ class Switching:
         while self.t < end:
             self.equations = self.equations._replace(arm=arm)
             if self.fresh:  # rounding may have left a gap on the wrong side: begin beyond it
-                self.y, self.t = self._solved(self.t, self.t + SOON, self.y), self.t + SOON
+                soon = min(self.t + SOON, end)
+                self.y, self.t = self._solved(self.t, soon, self.y), soon
                 self.fresh = False
                 if self.gaps(self.t, self.y).max() > 0:
                     return False
+
+            if self.t == end:
+                return True
 
             def nearest(t: float, y: ndarray) -> float:
                 return float(self.gaps(t, y).max())

@@ -41,7 +41,7 @@ print(json.dumps([gradient(horizon) - start for horizon in {horizons}]))
     [
         ("compiled", 1e-3, [41.25, 82.5, 165.0, 330.0]),
         # Some 6 ms a step, forwards and backwards: steps of 10 ms for minutes' sake.
-        ("torch", 1e-2, [20.0, 40.0, 80.0, 330.0]),
+        ("torch", 1e-2, [20.0, 60.0, 330.0]),
     ],
 )
 def test_the_gradient_of_330_seconds_fits_in_a_gigabyte(
