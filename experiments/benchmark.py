@@ -21,7 +21,7 @@ from mann_torch.compiled.host.kernels import lanes_here
 from .benchmarking import events, lines, parts, start
 from .benchmarking.curves import precision, scaling
 from .benchmarking.measure import ROOT, Section
-from .runs.figures import save
+from .runs.pictures import save
 from .runs.writing import write_json, write_text
 
 #: Sections of the page in their order: name, title, what measures it. One that is not measured, by

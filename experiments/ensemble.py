@@ -11,6 +11,7 @@ import dataclasses
 import shlex
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -20,7 +21,9 @@ from omegaconf import OmegaConf
 
 from mann_torch.errors import ConfigError
 
-from .building.chunks import experiment_of, run_chunk
+from .building.chunks import experiment_of, run_chunk, simulated
+from .building.sizes import check_rollouts
+from .building.weights import MOST_DRAWS
 from .command.cli import command_line, reject_unknown, run_cli
 from .command.overrides import as_typed
 from .ensembles.report import Told, write_ensembles
@@ -29,21 +32,19 @@ from .ensembles.summary import measures, statistics, table
 from .records.recording import (
     IDENTITY,
     log_summary,
-    run_name,
     summary_writer,
     telling_settings,
 )
 from .runs.life import finish
 from .runs.parts import all_parts, npz_parts
-from .settings.checks import check_between
+from .runs.pictures import check_pictures
+from .settings.checks import check_between, check_horizon
 from .settings.config import SimulateConfig
 from .settings.ensemble_config import EnsembleConfig
+from .settings.machine import check_workers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-#: Rollouts and draws are numbered below this.
-NUMBERS = 1 << 20
 
 
 def main() -> None:
@@ -55,20 +56,23 @@ def checked(cfg: Any) -> EnsembleConfig:
     """A composed configuration as plain dataclasses, its names, types and ranges verified."""
     reject_unknown(cfg, EnsembleConfig)
     plain = cast(EnsembleConfig, OmegaConf.to_object(cfg))
-    check_between(plain, {"first": (0, NUMBERS - 1), "rollouts": (1, NUMBERS)})
-    check_between(plain, {"chunk": (1, 10_000), "workers": (1, 256)})
+    check_pictures(plain.output)
+    check_between(plain, {"first": (0, MOST_DRAWS - 1), "rollouts": (1, MOST_DRAWS)})
+    check_between(plain, {"chunk": (1, 10_000)})
+    check_workers(plain.workers)
+    check_horizon(plain.horizon)
     if not 0 <= plain.masses.spread < 1:
         raise ConfigError(f"masses.spread = {plain.masses.spread}: must be >= 0 and < 1")
-    first, last = plain.first, plain.first + plain.rollouts - 1
-    if not 0 <= plain.initial.draw <= plain.initial.draw + last < NUMBERS:
+    last = plain.first + plain.rollouts - 1
+    if not plain.initial.draw + last < MOST_DRAWS:
         raise ConfigError(
-            f"initial.draw = {plain.initial.draw}, first = {first}, rollouts = {plain.rollouts}: "
-            "draws must be >= 0 and < 2^20"
+            f"initial.draw = {plain.initial.draw}, first = {plain.first}, rollouts = "
+            f"{plain.rollouts}: draws are numbered below {MOST_DRAWS}"
         )
-    if plain.initial.weights_file is None:
-        experiment_of(plain, last, 1)
-    else:  # which may lack any of them
-        experiment_of(plain, first, plain.rollouts)
+    at_once = min(plain.workers * plain.chunk, plain.rollouts)
+    check_rollouts(f"chunk = {plain.chunk}, workers = {plain.workers}", simulated(plain), at_once)
+    in_file = plain.initial.weights_file is not None  # which may lack any of them
+    experiment_of(plain, plain.first if in_file else last, plain.rollouts if in_file else 1)
     return plain
 
 
@@ -76,7 +80,7 @@ def run_alone() -> str:
     """The `simulate` command of one rollout, but for its draw and masses."""
     own = {field.name for field in dataclasses.fields(EnsembleConfig)}
     own -= {field.name for field in dataclasses.fields(SimulateConfig)}
-    own |= {"run_dir", "initial.draw", "plant.masses"}
+    own |= {"run_dir", "output", "initial.draw", "plant.masses"}
     kept = []
     for override in map(as_typed, HydraConfig.get().overrides.task):
         name = override.lstrip("+~").partition("=")[0]
@@ -106,9 +110,9 @@ def _task(cfg: Any) -> None:
     alone, most = run_alone(), max(part.peak_mb for part in parts)
     told = Told(rollouts, title, alone, plain.initial.draw)
     note = f"{wall_s:.0f} s; a process took at most {most:.0f} MB."
-    figure = write_ensembles(folder, {"": told}, command, note, plain.figures)
-    if plain.tensorboard:
-        _log(folder, plain, rollouts, figure)
+    figures = write_ensembles(folder, {"": told}, command, plain.output, note)
+    if plain.output.tensorboard:
+        _log(folder, plain, rollouts, figures, command)
     found = statistics(rollouts)
     lost = len(rollouts) - int(rollouts.ok.sum())
     record = {
@@ -133,15 +137,20 @@ def _task(cfg: Any) -> None:
         print(f"warning: {lost} rollouts diverged, see ensemble.md", file=sys.stderr)
 
 
-def _log(folder: Path, cfg: EnsembleConfig, rollouts: Rollouts, figure: Figure | None) -> None:
+def _log(
+    folder: Path,
+    cfg: EnsembleConfig,
+    rollouts: Rollouts,
+    figures: Mapping[str, Figure],
+    command: str,
+) -> None:
     """TensorBoard: the measures as histograms, their means, the settings, the picture."""
-    with summary_writer(folder / run_name()) as writer:
+    with summary_writer(folder, command) as writer:
         for name, column in measures(rollouts).items():
             finite = column[rollouts.ok & np.isfinite(column)]
             if len(finite):
                 writer.add_histogram(name, finite)
         results = {f"metrics/{k}": v["mean"] for k, v in statistics(rollouts).items()}
-        figures = {} if figure is None else {"histogram": figure}
         log_summary(writer, telling_settings(cfg, IDENTITY), results, figures)
 
 

@@ -11,7 +11,7 @@ import dataclasses
 import math
 import time
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
@@ -19,17 +19,20 @@ from omegaconf import OmegaConf
 from mann_torch.errors import ConfigError
 from mann_torch.tuning import Coordinates, Ensemble
 
-from .building.ensembles import ensemble_of
+from .building.ensembles import check_copies, ensemble_of
 from .command.cli import command_line, reject_unknown, run_cli
 from .gradients.elasticities import Findings, difference_name, estimate_all
 from .gradients.figures import landscapes, norms
 from .records.recording import log_summary, summary_writer, telling_settings
-from .runs.figures import save
 from .runs.life import finish
+from .runs.pictures import check_pictures, linked, save_all
 from .runs.progress import progress_bar
 from .runs.writing import csv_text, write_text
 from .settings.config import ConstantsConfig, SimulateConfig
 from .settings.study_config import GradientReportConfig
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def main() -> None:
@@ -41,6 +44,7 @@ def checked(cfg: Any) -> tuple[GradientReportConfig, Ensemble, Coordinates]:
     """A composed configuration, everything verified, nothing computed."""
     reject_unknown(cfg, GradientReportConfig)
     plain = cast(GradientReportConfig, OmegaConf.to_object(cfg))
+    check_pictures(plain.output)
     if plain.draws < 2:
         raise ConfigError(f"draws = {plain.draws}: at least 2, for an interval")
     if plain.joint not in (0, 1, 2):
@@ -59,15 +63,16 @@ def checked(cfg: Any) -> tuple[GradientReportConfig, Ensemble, Coordinates]:
             raise ConfigError(f"{name} = {numbers}: must be finite and > 0")
     if max(plain.spread, *plain.steps) >= 2:
         raise ConfigError("steps and spread are relative: below 2")
-    draws = list(range(plain.draws))
     simulated = SimulateConfig(
         plant=plain.plant, constants=plain.constants, scenario=plain.scenario
     )
-    ensemble = ensemble_of(plain, [simulated], draws)
+    copies = 2 * len(plain.names) * max(plain.pairs, 1)
+    check_copies(plain, copies * plain.draws, f"draws = {plain.draws}, pairs = {plain.pairs}")
+    ensemble = ensemble_of(plain, [simulated], range(plain.draws))
     ensemble = dataclasses.replace(ensemble, effort_after=None)
     controller = ensemble.loop.controller
     names = [name for name in plain.names if name in controller.constants()]
-    for name in plain.names:
+    for name in (*plain.names, *plain.control):
         if name not in ConstantsConfig.__dataclass_fields__:
             controller.constant(name)  # says which there are; one that only this lacks is left out
     return plain, ensemble, Coordinates(controller, names, "scalar")
@@ -89,10 +94,11 @@ def _task(cfg: Any) -> None:
         findings = estimate_all(plain, ensemble, coordinates, progress)
     wall_s = time.perf_counter() - start
     title = f"scenario {plain.scenario.name}, {plain.controller.name}"
-    figures = {"landscape": landscapes(findings, title), "norms": norms(findings, title)}
-    for name, figure in figures.items():
-        save(figure, folder / f"{name}.png")
-    report = _report(plain, findings, title, command, wall_s)
+    figures: dict[str, Figure] = {}
+    if plain.output.figures:
+        figures = {"landscape": landscapes(findings, title), "norms": norms(findings, title)}
+    save_all(folder, figures, plain.output)
+    report = _report(plain, findings, title, command, wall_s) + linked(figures, plain.output)
     write_text(folder / "report.md", report)
     header, *rows = _rows(findings)
     write_text(folder / "elasticities.csv", csv_text([header, *rows]))
@@ -101,8 +107,9 @@ def _task(cfg: Any) -> None:
         for estimate in findings.estimates
         for label, interval in zip(findings.labels, estimate.intervals, strict=True)
     }
-    with summary_writer(folder) as writer:
-        log_summary(writer, telling_settings(plain), results, figures)
+    if plain.output.tensorboard:
+        with summary_writer(folder, command) as writer:
+            log_summary(writer, telling_settings(plain), results, figures)
     finish(
         folder,
         {
@@ -187,7 +194,7 @@ def _report(
     for mode, series in findings.norms.items():
         text = ", ".join(f"{horizon:g} s: {norm:.3g}" for horizon, norm in series)
         lines.append(f"| {mode} | {text} |")
-    return "\n".join(lines) + "\n\n![landscape](landscape.png)\n\n![norms](norms.png)\n"
+    return "\n".join(lines) + "\n"
 
 
 def _range(counts: list[int]) -> str:

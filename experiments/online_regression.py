@@ -44,7 +44,9 @@ from .learning.report import (
     member_arrays,
 )
 from .runs.parts import all_parts, npz_parts
+from .runs.pictures import check_pictures
 from .settings.checks import check_between, check_positive, check_variants
+from .settings.machine import check_memory, check_workers
 from .settings.memory_config import LEARNERS, OnlineRegressionConfig
 
 if TYPE_CHECKING:
@@ -81,11 +83,11 @@ def checked(cfg: Any) -> OnlineRegressionConfig:
     """A composed configuration as a plain dataclass, verified. Raises `ConfigError`."""
     reject_unknown(cfg, OnlineRegressionConfig)
     plain = cast(OnlineRegressionConfig, OmegaConf.to_object(cfg))
+    check_pictures(plain.output)
     check_variants(plain.variants, LEARNERS)
-    many = ("n_functions", "visits", "tuning_visits")
-    check_between(plain, dict.fromkeys(many, (2, 1000)))
+    check_between(plain, dict.fromkeys(("n_functions", "visits", "tuning_visits"), (2, 1000)))
     check_between(plain, dict.fromkeys(("n_hidden", "n_slots", "seeds"), (1, 10_000)))
-    check_between(plain, {"workers": (1, 256), "member": (0, plain.seeds - 1), "seed": (0, 2**31)})
+    check_between(plain, {"member": (0, plain.seeds - 1), "seed": (0, 2**31)})
     for name in ("visit_length", "dt", "write_gain", "key_rate", "initial_std", "window"):
         check_positive(name, getattr(plain, name))
     if not plain.rates or len(set(plain.rates)) < len(plain.rates):
@@ -95,12 +97,13 @@ def checked(cfg: Any) -> OnlineRegressionConfig:
     if not (math.isfinite(plain.shift_threshold) and plain.shift_threshold >= 0):
         raise ConfigError(f"shift_threshold = {plain.shift_threshold}: must be finite and >= 0")
     if not plain.dt <= plain.window / 10 or not plain.window <= plain.visit_length / 2:
-        raise ConfigError(
-            f"window = {plain.window}: at least 10 dt and at most half of visit_length"
-        )
+        raise ConfigError(f"window = {plain.window}: 10 dt or more, half of visit_length or less")
     visits = plain.n_functions * max(plain.visits, plain.tuning_visits)
     if visits * plain.visit_length / plain.dt > MOST_SAMPLES:
         raise ConfigError(f"visit_length, dt and visits ask for over {MOST_SAMPLES:.0e} samples")
+    check_workers(plain.workers)
+    kept = plain.seeds * (plain.n_slots * plain.n_hidden + visits * plain.visit_length / plain.dt)
+    check_memory("seeds, samples and sizes", 16 * kept * min(plain.workers, len(plain.variants)))
     return plain
 
 

@@ -43,7 +43,9 @@ from .learning.report import (
     member_arrays,
 )
 from .runs.parts import all_parts, npz_parts
+from .runs.pictures import check_pictures
 from .settings.checks import check_between, check_positive, check_variants
+from .settings.machine import check_memory, check_workers
 from .settings.memory_config import RECALLERS, RecallConfig
 
 if TYPE_CHECKING:
@@ -74,18 +76,29 @@ def checked(cfg: Any) -> RecallConfig:
     """A composed configuration as a plain dataclass, verified. Raises `ConfigError`."""
     reject_unknown(cfg, RecallConfig)
     plain = cast(RecallConfig, OmegaConf.to_object(cfg))
+    check_pictures(plain.output)
     check_variants(plain.variants, RECALLERS)
     sizes = ("n_keys", "n_pairs", "n_slots", "hidden_size", "context_size")
     check_between(plain, {**dict.fromkeys(sizes, (1, 1000)), "n_values": (2, 1000)})
     check_between(plain, {"iterations": (POINTS, 10**6), "longer": (1, 1000), "seeds": (1, 1000)})
     check_between(plain, dict.fromkeys(("batch", "test_sequences"), (1, 10**6)))
-    check_between(plain, {"workers": (1, 256), "member": (0, plain.test_sequences - 1)})
-    check_between(plain, {"seed": (0, 2**31)})
+    check_between(plain, {"member": (0, plain.test_sequences - 1), "seed": (0, 2**31)})
     for name in ("rate", "temperature"):
         check_positive(name, getattr(plain, name))
     if plain.n_pairs > plain.n_keys:
         raise ConfigError(f"n_pairs = {plain.n_pairs}: no key comes twice, n_keys is too small")
+    check_workers(plain.workers)
+    check_memory("batch, test_sequences and sizes", _bytes_needed(plain))
     return plain
+
+
+def _bytes_needed(cfg: RecallConfig) -> float:
+    """Of float32: inputs of a batch or of all tests, and the memories of every step of a batch."""
+    steps, width = 2 * cfg.n_pairs, cfg.n_keys + cfg.n_values + 1
+    inputs = max(cfg.batch, cfg.test_sequences) * steps * width
+    kept = cfg.batch * steps * cfg.n_slots * cfg.hidden_size
+    tested = cfg.test_sequences * cfg.n_slots * cfg.hidden_size
+    return 4.0 * min(cfg.workers, len(cfg.variants) * cfg.seeds) * (2 * inputs + max(kept, tested))
 
 
 def n_iterations(cfg: RecallConfig, variant: str) -> int:

@@ -25,15 +25,18 @@ from .records.recording import log_summary, summary_writer
 from .reproduction import golden as gold
 from .reproduction import tables
 from .reproduction.claims import Finding, findings
-from .reproduction.jobs import JobResult, batches, n_steps, run_job
+from .reproduction.jobs import JobResult, batches, check_memory_of, n_steps, run_job
 from .reproduction.plan import Job, judges_claims, plan
 from .reproduction.results import Results
 from .reproduction.tables import Cell
 from .runs import figures as pictures
 from .runs.life import finish
 from .runs.parts import all_parts
+from .runs.pictures import check_pictures, linked, save_all
 from .runs.writing import aligned, csv_text, write_arrays, write_text
+from .settings.checks import check_horizon
 from .settings.config import ReproduceConfig
+from .settings.machine import check_workers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,13 +51,15 @@ def checked(cfg: Any) -> tuple[ReproduceConfig, list[Job], gold.GoldenFile | Non
     """The configuration as plain dataclasses, and its jobs; everything is built once to check."""
     reject_unknown(cfg, ReproduceConfig)
     plain = cast(ReproduceConfig, OmegaConf.to_object(cfg))
-    if plain.workers < 1:
-        raise ConfigError(f"workers = {plain.workers}: at least 1")
+    check_pictures(plain.output)
+    check_workers(plain.workers)
+    check_horizon(plain.horizon)
     golden = gold.golden_file(plain)
     jobs = plan(plain, list(golden.runs) if golden is not None else [])
     if not jobs:
         raise ConfigError("nothing to do: no tables, figures or claims are chosen")
     for job in jobs:
+        check_memory_of(plain, job)
         batches(plain, job)
     return plain, jobs, golden
 
@@ -78,7 +83,7 @@ def _task(cfg: Any) -> None:
         for draw, status in enumerate(statuses)
         if status != "ok"
     ]
-    drawn = _draw(plain, results, all_cells, folder)
+    drawn = _draw(plain, results, all_cells, folder) if plain.output.figures else {}
     engines = ", ".join(sorted({result.engine for result in done}))
     sections = [
         f"# The paper, reproduced\n\n{plain.draws} draws, {plain.solver.name} at "
@@ -94,8 +99,8 @@ def _task(cfg: Any) -> None:
     if diverged:
         sections.append("### Diverged\n\n" + "\n".join(f"- {line}" for line in diverged))
     report = "\n\n".join(sections) + "\n"
-    linked = "".join(f"\n![{name}](figures/{name}.png)\n" for name in drawn)
-    write_text(folder / "report.md", report + linked)
+    shown = linked((f"figures/{name}" for name in drawn), plain.output)
+    write_text(folder / "report.md", report + shown)
     write_text(folder / "tables.csv", csv_text(tables.cell_rows(all_cells)))
     write_text(folder / "reductions.csv", csv_text(tables.reduction_rows(plain.tables, results)))
     claim_rows = [["claim", "reproduced", "measure"]]
@@ -106,8 +111,9 @@ def _task(cfg: Any) -> None:
     scalars = {
         f"{c.metric}/scenario_{c.scenario}/{c.variant}/joint_{c.joint}": c.mean for c in all_cells
     }
-    with summary_writer(folder) as writer:
-        log_summary(writer, settings, scalars, drawn)
+    if plain.output.tensorboard:
+        with summary_writer(folder, command) as writer:
+            log_summary(writer, settings, scalars, drawn)
     finish(
         folder,
         {
@@ -193,8 +199,7 @@ def _draw(
             [(label, paper, mean, 0.0 if np.isnan(sd) else sd) for label, paper, mean, sd in rows],
             "SRMSE against the published figures",
         )
-    for name, picture in drawn.items():
-        pictures.save(picture, folder / "figures" / f"{name}.png")
+    save_all(folder / "figures", drawn, cfg.output)
     return drawn
 
 

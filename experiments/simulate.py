@@ -24,22 +24,24 @@ from mann_torch.simulation.step_grid import StepGrid
 
 from .building.build import Experiment, build
 from .building.masses import late_jumps
+from .building.sizes import check_samples
+from .building.weights import check_draws
 from .command.cli import command_line, reject_unknown, run_cli
 from .records.recording import log_run, metrics_of, signal_arrays
 from .runs.figures import (
     Arrays,
     attention_timeline,
     features_and_read,
-    formats_of,
     joint_angles,
     one_draw,
-    save,
     torques,
     with_resets,
 )
 from .runs.life import finish
+from .runs.pictures import check_pictures, save_all
 from .runs.progress import progress_bar
 from .runs.writing import write_arrays
+from .settings.checks import check_horizon
 from .settings.config import SimulateConfig
 
 if TYPE_CHECKING:
@@ -55,9 +57,14 @@ def checked(cfg: Any) -> SimulateConfig:
     """A composed configuration as plain dataclasses, its names, types and ranges verified."""
     reject_unknown(cfg, SimulateConfig)
     plain = cast(SimulateConfig, OmegaConf.to_object(cfg))
-    formats_of(plain.output.format)
-    if not 10 <= plain.output.dpi <= 2400:
-        raise ConfigError(f"output.dpi = {plain.output.dpi:g}: must be 10 to 2400")
+    output = plain.output
+    check_pictures(output)
+    check_draws(plain, range(plain.draws))
+    if not 0 <= output.member < plain.draws:
+        raise ConfigError(f"output.member = {output.member}: there are {plain.draws} draws, from 0")
+    check_horizon(plain.horizon)
+    horizon = plain.scenario.horizon if plain.horizon is None else plain.horizon
+    check_samples(plain, horizon, output.sample_dt)
     build(plain)
     return plain
 
@@ -114,6 +121,7 @@ def summary(metrics: Mapping[str, Any]) -> str:
 def _task(cfg: Any) -> None:
     plain = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
+    command = command_line("experiments.simulate")
     late = late_jumps(plain.scenario, plain.horizon)
     if late is not None:
         print(f"warning: {late}", file=sys.stderr)
@@ -132,16 +140,15 @@ def _task(cfg: Any) -> None:
         "engine": trajectory.engine,
         "engine_reason": trajectory.engine_reason,
         "units": {"srmse": "rad", "srmse_after_10s": "rad", "wall_s": "s"},
-        "command": command_line("experiments.simulate"),
+        "command": command,
     }
     write_arrays(folder / "trajectory.npz", arrays)
     figures = {}
     if plain.output.figures:
         figures = run_figures(title, plain.controller.name, arrays, plain.output.member)
-    for name, figure in figures.items():
-        save(figure, folder / name, formats_of(plain.output.format), plain.output.dpi)
+    save_all(folder, figures, plain.output)
     if plain.output.tensorboard:
-        log_run(folder, plain, arrays, metrics, figures)
+        log_run(folder, plain, arrays, metrics, figures, command)
     finish(folder, record)
     print(f"{title}, {trajectory.solver} ({trajectory.engine}), {wall_s:.1f} s")
     print(summary(metrics))

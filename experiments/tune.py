@@ -10,6 +10,7 @@ if __name__ == "__main__":
 import math
 import time
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, cast
@@ -27,8 +28,8 @@ from .building.ensembles import check_names, tuned_ensemble
 from .command.cli import command_line, reject_unknown, run_cli
 from .records.recording import Writer, log_summary, summary_writer, telling_settings
 from .runs import checkpoints
-from .runs.figures import save
 from .runs.life import finish
+from .runs.pictures import check_pictures, linked, save_all
 from .runs.progress import progress_bar
 from .runs.writing import csv_text, write_json, write_text
 from .settings.checks import check_between, check_positive
@@ -37,6 +38,7 @@ from .tuning import held_out
 from .tuning.figures import pareto, progress_curves
 from .tuning.held_out import START, TUNED, Candidate
 from .tuning.report import report_of, signals_of
+from .tuning.sizes import check_sizes
 
 
 def main() -> None:
@@ -51,12 +53,15 @@ def checked(cfg: Any) -> TuneConfig:
     """
     reject_unknown(cfg, TuneConfig)
     plain = cast(TuneConfig, OmegaConf.to_object(cfg))
+    check_pictures(plain.output)
     if plain.resume is not None:
         folder = Path(plain.resume)
         plain = checkpoints.saved_config(folder)
         plain.resume = str(folder)
         _restored(tuner_of(plain), folder)
-    _candidates(plain, tuner_of(plain))
+    tuner = tuner_of(plain)
+    _, others, grid = _candidates(plain, tuner)
+    check_sizes(plain, tuner, 2 + len(others) + len(grid))
     return plain
 
 
@@ -124,7 +129,7 @@ def _task(cfg: Any) -> None:
         write_text(folder / "command.txt", command_line("experiments.tune") + "\n")
     command = (folder / "command.txt").read_text().strip()
     start = time.perf_counter()
-    with summary_writer(folder) as writer:
+    with summary_writer(folder, command) if plain.output.tensorboard else nullcontext() as writer:
         for record in tuner.history:
             _log(writer, tuner, record)
         _tune(tuner, folder, writer)
@@ -141,21 +146,23 @@ def _task(cfg: Any) -> None:
         verdicts = held_out.verdicts(scores, candidates, chosen)
         labels = tuner.coordinates.labels
         starts = [_shown(tuner.coordinates.starts()[label.split("[")[0]]) for label in labels]
-        figures = {"progress": progress_curves(tuner.history, labels, starts)}
-        if scores:
+        figures = {}
+        if plain.output.figures:
+            figures["progress"] = progress_curves(tuner.history, labels, starts)
+        if plain.output.figures and scores:
             title = f"trained on {', '.join(plain.train.scenarios)}"
             figures["pareto"] = pareto(scores, candidates, chosen, title)
-        for name, figure in figures.items():
-            save(figure, folder / f"{name}.png")
+        save_all(folder, figures, plain.output)
         results = {"metrics/objective": tuner.history[-1]["objective"]}
         results |= {
             f"metrics/held_out_srmse_percent_{v.scenario}": v.srmse.mean
             for v in verdicts
             if v.candidate == TUNED
         }
-        log_summary(writer, telling_settings(plain), results, figures)
+        if writer is not None:
+            log_summary(writer, telling_settings(plain), results, figures)
     report = report_of(tuner, verdicts, command, tuning_s)
-    write_text(folder / "report.md", report)
+    write_text(folder / "report.md", report + linked(figures, plain.output))
     write_text(folder / "held_out.csv", csv_text(held_out.rows(scores, candidates)))
     finish(
         folder,
@@ -173,7 +180,7 @@ def _task(cfg: Any) -> None:
     print(f"written to {folder}", flush=True)
 
 
-def _tune(tuner: Tuner, folder: Path, writer: Writer) -> None:
+def _tune(tuner: Tuner, folder: Path, writer: Writer | None) -> None:
     """All iterations that are left; a checkpoint after each."""
     with progress_bar(tuner.schedule.iterations, "iteration") as bar:
         bar.update(tuner.iteration)
@@ -185,8 +192,10 @@ def _tune(tuner: Tuner, folder: Path, writer: Writer) -> None:
             bar.update()
 
 
-def _log(writer: Writer, tuner: Tuner, record: dict[str, Any]) -> None:
-    """One iteration's curves."""
+def _log(writer: Writer | None, tuner: Tuner, record: dict[str, Any]) -> None:
+    """One iteration's curves, where they are wanted."""
+    if writer is None:
+        return
     step, labels = record["iteration"], tuner.coordinates.labels
     writer.add_scalar("tune/objective", record["objective"], step)
     for label, z, slope in zip(labels, record["z"], record["gradient"], strict=True):

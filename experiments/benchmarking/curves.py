@@ -16,6 +16,7 @@ from ..building.build import Experiment
 from ..command.cli import compose_job
 from ..reproduction.jobs import batches
 from ..reproduction.plan import Job
+from ..runs.figures import beside
 from ..runs.writing import aligned
 from ..settings.config import ReproduceConfig
 from .measure import Section, verdict
@@ -113,7 +114,8 @@ def _scaling_figure(seconds: np.ndarray) -> Figure:
         ax.loglog(grid, level * grid / grid[0], "k:", label="linear")
         ax.set_xlabel(name)
         ax.set_ylabel("wall time [s]")
-        ax.legend(fontsize="small")
+    beside(right, fontsize="small")
+    beside(left, fontsize="small")
     figure.suptitle("Compiled engine, forward")
     return figure
 
@@ -162,5 +164,5 @@ def _precision_figure(found: dict[str, list[float]]) -> Figure:
     ax.axhline(0.25, color="k", lw=0.8, ls=":", label="0.25 %")
     ax.set_xlabel("wall time of five rollouts of 330 s [s]")
     ax.set_ylabel("largest deviation of SRMSE [%]")
-    ax.legend(fontsize="small")
+    beside(ax, fontsize="small")
     return figure

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import torch
 
 from mann_torch import ClosedLoop, Implicit, MannController, Odeint, Scenario, Sinusoid, Solver
-from mann_torch.control import equal_parameter_hidden
 from mann_torch.errors import ConfigError
 from mann_torch.memory import (
     ATTENTIONS,
@@ -23,15 +23,14 @@ from mann_torch.memory import (
 )
 from mann_torch.plants import PLANTS, TwoLinkArm, arm_parameters
 from mann_torch.signals import PiecewiseConstant
-from mann_torch.simulation import METHODS, check_engine
+from mann_torch.simulation import ADAPTIVE, FIXED, METHODS, check_engine
 from mann_torch.types import NetworkState, PlantState
 
+from ..settings.checks import holds_truth
 from ..settings.config import SimulateConfig, SolverConfig
 from .masses import mass_schedule
-from .weights import initial_network
-
-#: A run of more steps, or with more samples, is a slip of the pen.
-MAX_STEPS = 1e8
+from .sizes import check_rollouts, check_steps, hidden_neurons
+from .weights import check_draws, initial_network
 
 
 @dataclass(frozen=True)
@@ -44,32 +43,26 @@ class Experiment:
     network: NetworkState  # (draws, *event)
 
 
-def build(cfg: SimulateConfig) -> Experiment:
-    """Build and check a whole experiment. Raises `ConfigError` (or a subclass) in one line."""
-    if cfg.draws < 1:
-        raise ConfigError(f"draws = {cfg.draws}: at least 1")
-    if not 0 <= cfg.output.member < cfg.draws:
-        raise ConfigError(
-            f"output.member = {cfg.output.member}: there are {cfg.draws} draws, from 0"
-        )
-    if not (math.isfinite(cfg.output.sample_dt) and cfg.output.sample_dt > 0):
-        raise ConfigError(f"output.sample_dt = {cfg.output.sample_dt}: must be finite and > 0")
+def build(cfg: SimulateConfig, draws: Sequence[int] | None = None) -> Experiment:
+    """Build and check a whole experiment: draws `initial.draw` on, or those that are named.
+
+    Raises `ConfigError` (or a subclass) in one line, before anything large is allocated.
+    """
+    draws = range(cfg.draws) if draws is None else draws
+    check_draws(cfg, draws)
+    check_rollouts(f"draws = {len(draws)}", cfg, len(draws))
     scenario = build_scenario(cfg)
     controller = build_controller(cfg)
     _check_unused(cfg)
     loop = ClosedLoop(TwoLinkArm(cfg.plant.gravity), controller)
     solver = build_solver(cfg.solver)
-    if scenario.end / solver.dt > MAX_STEPS or scenario.end / cfg.output.sample_dt > MAX_STEPS:
-        raise ConfigError(
-            f"horizon = {scenario.end:g} s in steps of {solver.dt:g} s, sampled every "
-            f"{cfg.output.sample_dt:g} s: more than {MAX_STEPS:.0e} steps or samples"
-        )
+    check_steps(scenario.end, solver.dt)
     check_engine(loop, scenario, solver, cfg.solver.engine, cfg.solver.device)
-    return Experiment(loop, scenario, solver, initial_network(cfg, controller))
+    return Experiment(loop, scenario, solver, initial_network(cfg, controller, draws))
 
 
 def _check_unused(cfg: SimulateConfig) -> None:
-    """Check the settings that the chosen controller, keys and solver do not use, too."""
+    """Check the settings that the chosen controller and keys do not use, too."""
     everything = dataclasses.replace(
         cfg,
         controller=dataclasses.replace(cfg.controller, attention="reallocating"),
@@ -77,7 +70,8 @@ def _check_unused(cfg: SimulateConfig) -> None:
     )
     build_controller(everything)
     _key_rule(cfg)
-    build_solver(dataclasses.replace(cfg.solver, name="dopri5"))
+    matched = dataclasses.replace(cfg.controller, n_hidden=None)
+    check_rollouts("controller.matched_hidden", dataclasses.replace(cfg, controller=matched), 1)
 
 
 def build_scenario(cfg: SimulateConfig) -> Scenario:
@@ -124,10 +118,7 @@ def build_controller(cfg: SimulateConfig) -> MannController:
     """The controller of the configuration, with its memory if it has one."""
     constants = cfg.constants
     n = TwoLinkArm.n_joints
-    n_hidden = cfg.controller.n_hidden
-    if n_hidden is None:
-        slots, hidden = cfg.memory.n_slots, cfg.controller.matched_hidden
-        n_hidden = equal_parameter_hidden(5 * n, n, hidden, slots)
+    n_hidden = hidden_neurons(cfg)
     memory = None
     if cfg.controller.attention is not None:
         memory = WorkingMemory(
@@ -155,6 +146,11 @@ def build_controller(cfg: SimulateConfig) -> MannController:
 
 
 def _matrix(value: Any) -> torch.Tensor:
+    wrong = ConfigError(
+        f"constants.error_gain = {value}: a number, 2 diagonal entries or 2 rows of 2"
+    )
+    if holds_truth(value):
+        raise wrong
     try:
         plain = [list(r) if hasattr(r, "__len__") else r for r in value]
     except TypeError:
@@ -162,9 +158,7 @@ def _matrix(value: Any) -> torch.Tensor:
     try:
         return torch.tensor(plain, dtype=torch.float64)
     except (TypeError, ValueError):
-        raise ConfigError(
-            f"constants.error_gain = {value}: a number, 2 diagonal entries or 2 rows of 2"
-        ) from None
+        raise wrong from None
 
 
 def _attention(cfg: SimulateConfig) -> Attention:
@@ -184,13 +178,28 @@ def _key_rule(cfg: SimulateConfig) -> KeyRule:
     return StateKeys(cfg.constants.key_rate) if kind is StateKeys else kind()
 
 
+#: Settings that only some solvers take.
+_SOLVER_SETTINGS = {
+    "rtol": (*ADAPTIVE, "scipy_solver"),
+    "atol": (*ADAPTIVE, "scipy_solver"),
+    "max_step": FIXED,
+    "follow_reference": ("implicit",),
+}
+
+
 def build_solver(cfg: SolverConfig) -> Solver:
-    """The solver of that name."""
-    if cfg.name == "implicit":
-        return Implicit(cfg.dt, cfg.compile, cfg.follow_reference)
-    if cfg.name not in METHODS:
+    """The solver of that name. Raises `ConfigError`, for a setting that it would ignore too."""
+    if cfg.name not in ("implicit", *METHODS):
         raise ConfigError(
             f"unknown solver '{cfg.name}'; choose from implicit, {', '.join(METHODS)}"
         )
+    for name, takers in _SOLVER_SETTINGS.items():
+        value = getattr(cfg, name)
+        if cfg.name not in takers and value != getattr(SolverConfig, name):
+            raise ConfigError(
+                f"solver.{name} = {value}: {cfg.name} takes none; {', '.join(takers)} would"
+            )
+    if cfg.name == "implicit":
+        return Implicit(cfg.dt, cfg.compile, cfg.follow_reference)
     inner = None if cfg.max_step is None else min(cfg.max_step, cfg.dt)
     return Odeint(cfg.name, cfg.dt, cfg.rtol, cfg.atol, inner, compile=cfg.compile)

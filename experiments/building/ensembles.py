@@ -15,14 +15,15 @@ from omegaconf.errors import OmegaConfBaseException
 from mann_torch import MeasurementNoise
 from mann_torch.errors import ConfigError
 from mann_torch.tuning import Ensemble
-from mann_torch.types import NetworkState
 
 from ..command.cli import compose_job
 from ..command.conf_files import group_names
+from ..settings.checks import check_horizon
 from ..settings.config import SimulateConfig
-from ..settings.study_config import StudyConfig, TuneConfig
+from ..settings.study_config import NoiseConfig, StudyConfig, TuneConfig
 from .batching import side_by_side
 from .build import Experiment, build
+from .sizes import check_noise, check_rollouts
 
 
 @functools.cache
@@ -68,22 +69,17 @@ def experiment_of(cfg: StudyConfig, plain: SimulateConfig, draws: Sequence[int])
     horizon = plain.scenario.horizon
     if cfg.horizon is not None:
         horizon = min(horizon, cfg.horizon)
-    made = build(
-        dataclasses.replace(
-            plain,
-            controller=cfg.controller,
-            keys=cfg.keys,
-            memory=cfg.memory,
-            solver=cfg.solver,
-            initial=cfg.initial,
-            draws=max(draws) + 1,
-            seed=cfg.seed,
-            horizon=horizon,
-        )
+    studied = dataclasses.replace(
+        plain,
+        controller=cfg.controller,
+        keys=cfg.keys,
+        memory=cfg.memory,
+        solver=cfg.solver,
+        initial=cfg.initial,
+        seed=cfg.seed,
+        horizon=horizon,
     )
-    chosen = list(draws)
-    network = NetworkState(*(leaf[chosen] for leaf in made.network))
-    return dataclasses.replace(made, network=network)
+    return build(studied, draws)
 
 
 def ensemble_of(
@@ -93,17 +89,15 @@ def ensemble_of(
 
     Draw k has the same initial weights and the same noise in every scenario.
     """
+    check_horizon(cfg.horizon)
     if not (math.isfinite(cfg.effort_after) and cfg.effort_after >= 0):
         raise ConfigError(f"effort_after = {cfg.effort_after}: must be finite and >= 0")
     parts = [experiment_of(cfg, plain, draws) for plain in scenarios]
     scenario, network, own = side_by_side(parts)
-    noise, first = cfg.noise, parts[0]
-    if noise.position_std or noise.velocity_std:
-        seeds = torch.tensor([noise.seed + draw for _ in scenarios for draw in draws])
-        scenario = dataclasses.replace(
-            scenario,
-            noise=MeasurementNoise(noise.position_std, noise.velocity_std, seeds, noise.rate),
-        )
+    first, noise = parts[0], _noise(cfg.noise, draws, scenario.end)
+    if cfg.noise.position_std or cfg.noise.velocity_std:
+        every = noise.select([place for _ in scenarios for place in range(len(draws))])
+        scenario = dataclasses.replace(scenario, noise=every)
     return Ensemble(
         loop=first.loop,
         scenario=scenario,
@@ -114,6 +108,23 @@ def ensemble_of(
         engine=cfg.solver.engine,
         device=cfg.solver.device,
     )
+
+
+def _noise(cfg: NoiseConfig, draws: Sequence[int], end: float) -> MeasurementNoise:
+    """Of each draw, checked though its standard deviations be 0. Raises `ConfigError`."""
+    if not 0 <= cfg.seed < 1 << 62:
+        raise ConfigError(f"noise.seed = {cfg.seed}: must be >= 0 and < 2^62")
+    seeds = torch.tensor([cfg.seed + draw for draw in draws])
+    noise = MeasurementNoise(cfg.position_std, cfg.velocity_std, seeds, cfg.rate)
+    if cfg.rate is not None:
+        check_noise(f"noise.rate = {cfg.rate:g}", cfg.rate * end, len(draws))
+    return noise
+
+
+def check_copies(cfg: StudyConfig, count: int, what: str) -> None:
+    """Raise `ConfigError` where `count` rollouts side by side do not fit the machine."""
+    plain = SimulateConfig(controller=cfg.controller, memory=cfg.memory)
+    check_rollouts(f"{what}: {count} rollouts side by side", plain, count)
 
 
 def tuned_ensemble(cfg: TuneConfig, scenarios: Sequence[str], draws: Sequence[int]) -> Ensemble:

@@ -6,32 +6,37 @@ import math
 import re
 from typing import Any
 
+import numpy as np
+
 from mann_torch.errors import ConfigError
 from mann_torch.signals import growing_square, multiplied
 
-from ..settings.config import ScenarioConfig
+from ..settings.config import MassGrowthConfig, ScenarioConfig
 
 MAX_JUMPS = 100_000
+LEAST_MASS, MOST_MASS = 1e-100, 1e100  # [kg]
 _SQRT = re.compile(r"sqrt\(\s*([0-9.eE+-]+)\s*\)")
 
 
 def mass_schedule(
     scenario: ScenarioConfig, masses: list[float], horizon: float
 ) -> tuple[list[float], list[list[float]]]:
-    """Jump times [s] and mass rows [kg] of a scenario, up to its horizon."""
-    if scenario.mass_growth is not None:
+    """Jump times [s] and mass rows [kg] of a scenario, up to its horizon.
+
+    Each of `masses` may be an array, of many rollouts: so are the rows then, to the same bits.
+    """
+    growth = scenario.mass_growth or MassGrowthConfig()
+    increment, period = growth.increment, growth.period
+    if increment is not None or period is not None:
         if scenario.mass_jumps:
             raise ConfigError("scenario: give mass_jumps or mass_growth, not both")
-        growth = scenario.mass_growth
-        if not (growth.increment > 0 and growth.period > 0 and math.isfinite(growth.increment)):
-            raise ConfigError("scenario.mass_growth: increment and period must be > 0")
-        if horizon / growth.period > MAX_JUMPS:
-            raise ConfigError(
-                f"scenario.mass_growth.period = {growth.period}: over {MAX_JUMPS} jumps"
-            )
-        count = math.ceil(horizon / growth.period) - 1
-        times = [growth.period * (n + 1) for n in range(count)]
-        return times, growing_square(masses, growth.increment, count)
+        if increment is None or period is None or not (increment > 0 and period > 0):
+            raise ConfigError("scenario.mass_growth: give increment and period, both > 0")
+        if not horizon / period <= MAX_JUMPS:
+            raise ConfigError(f"scenario.mass_growth.period = {period}: over {MAX_JUMPS} jumps")
+        count = math.ceil(horizon / period) - 1
+        times = [period * (n + 1) for n in range(count)]
+        return times, _possible(times, growing_square(masses, increment, count), "mass_growth")
     times, factors = [], []
     for jump in scenario.mass_jumps:
         if not isinstance(jump, list | tuple) or len(jump) != 2:
@@ -40,7 +45,21 @@ def mass_schedule(
         factors.append(_number(jump[1], "factor"))
     if any(factor <= 0 for factor in factors):
         raise ConfigError(f"scenario.mass_jumps: factors {factors} must be > 0")
-    return times, multiplied(masses, factors)
+    return times, _possible(times, multiplied(masses, factors), "mass_jumps")
+
+
+def _possible(times: list[float], rows: list[list[float]], where: str) -> list[list[float]]:
+    """The rows, if the plant can compute with every one: it multiplies masses by each other."""
+    for time, row in zip(times, rows[1:], strict=True):
+        for mass in row:
+            least, most = float(np.min(mass)), float(np.max(mass))
+            if not LEAST_MASS <= least <= most <= MOST_MASS:
+                mass = least if most <= MOST_MASS else most
+                raise ConfigError(
+                    f"scenario.{where}: from {time:g} s on a mass is {mass:g} kg; "
+                    f"{LEAST_MASS:g} to {MOST_MASS:g} kg can be computed with"
+                )
+    return rows
 
 
 def late_jumps(scenario: ScenarioConfig, horizon: float | None) -> str | None:
@@ -59,6 +78,8 @@ def late_jumps(scenario: ScenarioConfig, horizon: float | None) -> str | None:
 def _number(value: Any, what: str) -> float:
     match = _SQRT.fullmatch(value.strip()) if isinstance(value, str) else None
     try:
+        if isinstance(value, bool):
+            raise TypeError
         number = math.sqrt(float(match.group(1))) if match else float(value)
     except (TypeError, ValueError):
         raise ConfigError(

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,90 +13,104 @@ from mann_torch import MannController
 from mann_torch.errors import ConfigError, WeightsFileError
 from mann_torch.types import NetworkState
 
+from ..runs.array_file import READ_ERRORS, ArrayFile
 from ..settings.config import SimulateConfig
 
+#: Draws are numbered below this: seed and number share a generator's 64 bits.
+MOST_DRAWS = 1 << 20
 
-def initial_network(cfg: SimulateConfig, controller: MannController) -> NetworkState:
-    """Initial weights of `draws` draws from number `initial.draw` on, (draws, *event)."""
-    first, network = cfg.initial.draw, controller.network
-    if not 0 <= first <= first + cfg.draws < 1 << 20:
-        raise ConfigError(f"initial.draw = {first}, draws = {cfg.draws}: must be >= 0 and < 2^20")
+
+def check_draws(cfg: SimulateConfig, draws: Sequence[int]) -> None:
+    """Raise `ConfigError` for no draw, or where one (from `initial.draw` on) or the seed is off."""
+    if len(draws) < 1:
+        raise ConfigError(f"draws = {len(draws)}: at least 1")
+    first = cfg.initial.draw
+    if not 0 <= first <= first + min(draws) <= first + max(draws) < MOST_DRAWS:
+        raise ConfigError(
+            f"initial.draw = {first}, draws {min(draws)} to {max(draws)} from there: must be >= 0 "
+            f"and < {MOST_DRAWS}"
+        )
     if not 0 <= cfg.seed < 1 << 32:
         raise ConfigError(f"seed = {cfg.seed}: must be >= 0 and < 2^32")
+
+
+def initial_network(
+    cfg: SimulateConfig, controller: MannController, draws: Sequence[int]
+) -> NetworkState:
+    """Initial weights of draws that are counted from number `initial.draw` on, (draws, *event)."""
+    network = controller.network
+    numbers = [cfg.initial.draw + draw for draw in draws]
     if cfg.initial.weights_file is not None:
         V, b_v = inner_weights(
-            cfg.initial.weights_file, network.n_inputs, network.n_hidden, first, cfg.draws
+            cfg.initial.weights_file, network.n_inputs, network.n_hidden, numbers
         )
         return network.from_inner_weights(V, b_v)
     states = []
-    for draw in range(first, first + cfg.draws):
+    for number in numbers:
         # A draw's weights depend on seed and number alone, not on how many are drawn.
-        generator = torch.Generator().manual_seed((cfg.seed << 20) + draw)
+        generator = torch.Generator().manual_seed((cfg.seed << 20) + number)
         states.append(network.initial_state((), generator))
     return NetworkState(*(torch.stack(leaf) for leaf in zip(*states, strict=True)))
 
 
 def inner_weights(
-    path: str, n_inputs: int, n_hidden: int, first: int, draws: int
+    path: str, n_inputs: int, n_hidden: int, numbers: Sequence[int]
 ) -> tuple[Tensor, Tensor]:
     """V (draws, I, N) and b_v (draws, N) from `V_<N>` and `b_v_<N>` of an .npz file.
 
     The first axis is the draw, numbered from 0 or, where the file has them, by the whole numbers
-    in `draws`; inputs are ordered [e de s ds dds]. Raises `WeightsFileError` for a file that is
-    missing, unreadable, of the wrong shape, not finite, or without a draw asked for.
+    in `draws`; inputs are ordered [e de s ds dds]. No more is unpacked than the draws asked for
+    need. Raises `WeightsFileError` for a file that is missing, unreadable, of the wrong shape, not
+    finite, or without a draw asked for.
     """
-    file = Path(path)
-    if not file.is_file():
+    if not Path(path).is_file():
         raise WeightsFileError(f"weights file '{path}' does not exist")
     names = (f"V_{n_hidden}", f"b_v_{n_hidden}")
-    arrays, numbers = [], None
     try:
-        with np.load(file, allow_pickle=False) as data:
+        with ArrayFile(Path(path)) as file:
             for name in names:
-                if name not in data.files:
+                if name not in file.shapes:
                     raise WeightsFileError(
-                        f"weights file '{path}' has no '{name}'; it holds {', '.join(data.files)}"
+                        f"weights file '{path}' has no '{name}'; it holds "
+                        f"{', '.join(sorted(file.shapes))}"
                     )
-                arrays.append(np.asarray(data[name], dtype=np.float64))
-            if "draws" in data.files:
-                numbers = np.asarray(data["draws"])
+            V_shape, b_v_shape = (file.shapes[name] for name in names)
+            if len(V_shape) != 3 or V_shape[1:] != (n_inputs, n_hidden):
+                raise WeightsFileError(
+                    f"weights file '{path}': {names[0]} has shape {V_shape}, "
+                    f"not (draws, {n_inputs}, {n_hidden})"
+                )
+            count = V_shape[0]
+            if b_v_shape != (count, n_hidden):
+                raise WeightsFileError(
+                    f"weights file '{path}': {names[1]} has shape {b_v_shape}, "
+                    f"not {(count, n_hidden)}"
+                )
+            if count > MOST_DRAWS:
+                raise WeightsFileError(
+                    f"weights file '{path}': {count} draws are more than {MOST_DRAWS}"
+                )
+            rows = _rows(path, file, count, numbers)
+            V, b_v = (file.rows(name, rows) for name in names)
     except WeightsFileError:
         raise
-    except (
-        OSError,
-        ValueError,
-        EOFError,
-        KeyError,
-        zipfile.BadZipFile,
-        zlib.error,
-        AttributeError,
-        TypeError,
-    ) as error:
+    except READ_ERRORS as error:
         cause = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise WeightsFileError(f"weights file '{path}' cannot be read: {cause}") from None
-    V, b_v = arrays
-    if V.ndim != 3 or V.shape[1:] != (n_inputs, n_hidden):
-        raise WeightsFileError(
-            f"weights file '{path}': {names[0]} has shape {V.shape}, "
-            f"not (draws, {n_inputs}, {n_hidden})"
-        )
-    if b_v.shape != (V.shape[0], n_hidden):
-        raise WeightsFileError(
-            f"weights file '{path}': {names[1]} has shape {b_v.shape}, not {(len(V), n_hidden)}"
-        )
     if not (np.isfinite(V).all() and np.isfinite(b_v).all()):
         raise WeightsFileError(f"weights file '{path}': not all numbers are finite")
-    rows = _rows(path, numbers, len(V), range(first, first + draws))
-    return torch.from_numpy(V[rows]), torch.from_numpy(b_v[rows])
+    return torch.from_numpy(V), torch.from_numpy(b_v)
 
 
-def _rows(path: str, numbers: np.ndarray | None, count: int, asked: range) -> list[int]:
+def _rows(path: str, file: ArrayFile, count: int, asked: Sequence[int]) -> list[int]:
     """Where the draws asked for stand in the file."""
-    if numbers is None:
-        numbers = np.arange(count)
-    elif numbers.shape != (count,) or numbers.dtype.kind not in "iu":
+    if "draws" not in file.shapes:
+        held = {number: number for number in range(count)}
+    elif file.shapes["draws"] != (count,) or file.kind("draws") not in "iu":
         raise WeightsFileError(f"weights file '{path}': draws is not {count} whole numbers")
-    held = {int(number): row for row, number in enumerate(numbers)}
+    else:
+        numbers = file.rows("draws", range(count), dtype=np.int64)
+        held = {int(number): row for row, number in enumerate(numbers)}
     if len(held) < count:
         raise WeightsFileError(f"weights file '{path}': draws has a number twice")
     if not set(asked) <= set(held):

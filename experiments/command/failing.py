@@ -17,7 +17,10 @@ BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
 
 def speak_any_terminal() -> None:
-    """A terminal that lacks a sign gets a question mark, not a traceback."""
+    """A terminal that lacks a sign gets a question mark, not a traceback; a closed one, nothing."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 - until the process ends
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")

@@ -15,6 +15,8 @@ from mann_torch.errors import ConfigError
 
 from .conf_files import group_folders
 
+#: Every job is checked before the first begins.
+MOST_JOBS = 2000
 _TAKES_VALUE = ("--config-name", "-cn", "--config-path", "-cp", "--config-dir", "-cd", "--package")
 
 
@@ -37,12 +39,20 @@ def jobs_of(arguments: list[str]) -> Iterator[list[str]]:
     except HydraException as error:
         raise ConfigError(str(error).strip().splitlines()[0]) from None
     choices: list[list[str]] = []
+    count = 1
     for override, text in zip(parsed, texts, strict=True):
         if multirun and override.is_sweep_override():
             key = override.get_key_element()
-            choices.append([f"{key}={value}" for value in override.sweep_string_iterator()])
+            values = list(itertools.islice(override.sweep_string_iterator(), MOST_JOBS + 1))
+            choices.append([f"{key}={value}" for value in values])
         else:
             choices.append([text])
+        count *= len(choices[-1])
+        if count > MOST_JOBS:
+            raise ConfigError(
+                f"a sweep of more than {MOST_JOBS} jobs ({text}): make several, and one table of "
+                "them with python -m experiments.collect"
+            )
     for job in itertools.product(*choices):
         yield list(job)
 

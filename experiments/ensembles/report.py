@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..runs.figures import save
+from ..runs.pictures import linked, save_all
 from ..runs.writing import csv_text, write_text
+from ..settings.config import PicturesConfig
 from .histogram import histogram
 from .rollouts import HEADER, ROLLOUTS, Rollouts, rows_of, text_of
 from .summary import ranges, statistics, table, worst_table
@@ -28,8 +29,12 @@ class Told:
 
 
 def write_ensembles(
-    folder: Path, ensembles: Mapping[str, Told], command: str, note: str = "", figures: bool = True
-) -> Figure | None:
+    folder: Path,
+    ensembles: Mapping[str, Told],
+    command: str,
+    output: PicturesConfig,
+    note: str = "",
+) -> dict[str, Figure]:
     """`rollouts.csv`, `ensemble.md`, `histogram.png`; the names say which ensemble is which."""
     if len(ensembles) == 1:
         write_text(folder / ROLLOUTS, text_of(next(iter(ensembles.values())).rollouts))
@@ -38,14 +43,14 @@ def write_ensembles(
         write_text(folder / ROLLOUTS, csv_text([("ensemble", *HEADER), *rows]))
     page = [f"`{command}`", *(_section(name, told) for name, told in ensembles.items())]
     page += [note] if note else []
-    figure = None
-    if figures:
+    figures = {}
+    if output.figures:
         title = "; ".join(dict.fromkeys(told.title for told in ensembles.values()))
-        figure = histogram({name: told.rollouts for name, told in ensembles.items()}, title)
-        save(figure, folder / "histogram.png")
-        page.append("![SRMSE over the rollouts](histogram.png)")
-    write_text(folder / "ensemble.md", "\n\n".join(page) + "\n")
-    return figure
+        shown = {name: told.rollouts for name, told in ensembles.items()}
+        figures = {"histogram": histogram(shown, title)}
+        save_all(folder, figures, output)
+    write_text(folder / "ensemble.md", "\n\n".join(page) + "\n" + linked(figures, output))
+    return figures
 
 
 def _section(name: str, told: Told) -> str:

@@ -14,8 +14,8 @@ from mann_torch.memory import MemoryTrace, reallocation_log
 from mann_torch.statistics import mean_and_half
 
 from ..records.recording import MAX_POINTS, log_summary, summary_writer, telling_settings
-from ..runs.figures import save
 from ..runs.life import finish
+from ..runs.pictures import save_all
 from ..runs.writing import csv_text, write_arrays, write_text
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ def conclude(
 ) -> None:
     """Everything on disk, pictures where they are wanted, the completion mark last."""
     write_report(folder, command, report)
-    write_pictures(folder, cfg, report, draw() if cfg.figures else {})
+    write_pictures(folder, cfg, command, report, draw() if cfg.output.figures else {})
     table = report.comparison
     records = [dict(zip(table.header, row, strict=True)) for row in table.rows]
     finish(folder, {**report.record, "table": records, "command": command})
@@ -148,17 +148,18 @@ def conclude(
     print(f"{report.record['wall_s']:.0f} s in all\nwritten to {folder}", flush=True)
 
 
-def write_pictures(folder: Path, cfg: Any, report: Report, figures: Mapping[str, Figure]) -> None:
-    """PNG files, and TensorBoard's curves, figures and results."""
-    for name, figure in figures.items():
-        save(figure, folder / f"{name}.png")
-    if not cfg.tensorboard:
+def write_pictures(
+    folder: Path, cfg: Any, command: str, report: Report, figures: Mapping[str, Figure]
+) -> None:
+    """Files, and TensorBoard's curves, figures and results."""
+    save_all(folder, figures, cfg.output)
+    if not cfg.output.tensorboard:
         return
     measure = next(
         name for name in report.comparison.header if name + "_half" in report.comparison.header
     )
     place = report.comparison.header.index(measure)
-    with summary_writer(folder) as writer:
+    with summary_writer(folder, command) as writer:
         for tag, values in report.curves.items():
             stride = -(-len(values) // MAX_POINTS)
             for step in range(0, len(values), stride):

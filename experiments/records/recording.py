@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from torch.utils.tensorboard import SummaryWriter
 
 #: Settings of where and how results are written: they tell nothing about a run.
-WRITING = ("run_dir", "output.", "workers", "figures=", "tensorboard=")
+WRITING = ("run_dir", "resume", "output.", "workers")
 #: What a run of `simulate` is of.
 IDENTITY = ("scenario/name", "controller/name", "keys/name")
 Writer: TypeAlias = "SummaryWriter"
@@ -77,11 +78,11 @@ def signal_arrays(
     return arrays
 
 
-def summary_writer(folder: Path) -> Writer:
-    """TensorBoard's writer; tensorboard is imported where something is logged."""
-    from torch.utils.tensorboard import SummaryWriter
+def summary_writer(folder: Path, command: str) -> Writer:
+    """TensorBoard's writer, in a folder named by what was asked for: TensorBoard lists runs so."""
+    from torch.utils.tensorboard import SummaryWriter  # where something is logged
 
-    return SummaryWriter(str(folder))
+    return SummaryWriter(str(folder / run_name(command)))
 
 
 def log_run(
@@ -90,12 +91,10 @@ def log_run(
     arrays: Mapping[str, np.ndarray],
     metrics: Mapping[str, Any],
     figures: Mapping[str, Figure],
+    command: str,
 ) -> None:
-    """TensorBoard: curves against time in ms, figures, and the settings with their results.
-
-    In a folder named by what was asked for, which is how TensorBoard lists runs.
-    """
-    with summary_writer(folder / run_name()) as writer:
+    """TensorBoard: curves against time in ms, figures, and the settings with their results."""
+    with summary_writer(folder, command) as writer:
         stride = -(-len(arrays["t"]) // MAX_POINTS)
         steps = np.round(arrays["t"][::stride] * 1000).astype(int).tolist()
         for tag, values in _curves(arrays):
@@ -149,13 +148,17 @@ def _asked_for() -> list[str]:
     """This run's overrides as they were typed, without where and how results are written."""
     if not HydraConfig.initialized():
         return []
-    overrides = map(as_typed, HydraConfig.get().overrides.task)
+    return _telling(map(as_typed, HydraConfig.get().overrides.task))
+
+
+def _telling(overrides: Iterable[str]) -> list[str]:
     return [o for o in overrides if not o.lstrip("+~").startswith(WRITING)]
 
 
-def run_name() -> str:
-    """What was asked for as a folder's name, empty where nothing was."""
-    return re.sub(r"[^\w=,.+~-]+", "_", ",".join(_asked_for()))[:120].strip("_")
+def run_name(command: str) -> str:
+    """What a command asked for as a folder's name, empty where nothing was."""
+    asked = _telling(shlex.split(command)[3:])
+    return re.sub(r"[^\w=,.+~-]+", "_", ",".join(asked))[:120].strip("_")
 
 
 def telling_settings(cfg: Any, always: Sequence[str] = ()) -> dict[str, Any]:

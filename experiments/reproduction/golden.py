@@ -13,6 +13,7 @@ from mann_torch.errors import ConfigError
 
 from ..runs.writing import aligned
 from ..settings.config import ReproduceConfig
+from ..settings.machine import check_file
 from .results import Results
 
 #: Largest deviation allowed [%]: single runs, and means over draws where runs may branch.
@@ -60,6 +61,7 @@ def golden_file(cfg: ReproduceConfig) -> GoldenFile | None:
     path = Path(cfg.golden.srmse_file) if cfg.golden.srmse_file else beside
     if cfg.golden.srmse_file is None and not path.exists():
         return None
+    check_file("golden file", path)
     try:
         scenarios: dict[str, Any] = json.loads(path.read_text())["scenarios"]
         runs = {

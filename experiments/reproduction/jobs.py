@@ -18,6 +18,7 @@ from mann_torch.simulation.step_grid import StepGrid
 from ..building.batching import side_by_side
 from ..building.build import Experiment, build
 from ..building.ensembles import composed
+from ..building.sizes import check_rollouts, check_samples
 from ..records.recording import metrics_of, signal_arrays
 from ..settings.config import ReproduceConfig, SimulateConfig
 from .plan import Job
@@ -94,6 +95,15 @@ def job_config(cfg: ReproduceConfig, job: Job, scenario: str) -> SimulateConfig:
         seed=cfg.seed,
         horizon=horizon,
     )
+
+
+def check_memory_of(cfg: ReproduceConfig, job: Job) -> None:
+    """Raise `ConfigError` where what a job keeps of its recorded scenarios is too much."""
+    for scenario in job.scenarios:
+        plain = job_config(cfg, job, scenario)
+        check_rollouts(f"draws = {plain.draws}", plain, plain.draws)
+        if scenario in job.recorded and plain.horizon is not None:
+            check_samples(plain, plain.horizon, SAMPLE_DT)
 
 
 def batches(cfg: ReproduceConfig, job: Job) -> list[tuple[list[str], Experiment]]:

@@ -15,6 +15,7 @@ from yaml import YAMLError  # type: ignore[import-untyped]
 
 from mann_torch.errors import ConfigError
 
+from ..settings.machine import check_file
 from ..settings.study_config import TuneConfig
 from .writing import write_bytes
 
@@ -36,6 +37,7 @@ def load(folder: Path) -> dict[str, Any] | None:
     path = folder / FILE
     if not path.exists():
         return None
+    check_file("resume:", path)
     try:
         state = torch.load(path, weights_only=True)
         if {"z", "optimizer", "history"} <= set(state):

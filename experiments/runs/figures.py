@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
-from mann_torch.errors import ConfigError
-
-from .writing import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Arrays = Mapping[str, np.ndarray]
-FORMATS = ("png", "pdf", "svg")
-DPI = 110
 COLOURS = ("tab:red", "tab:blue", "tab:green", "tab:purple", "tab:orange")
 
 
@@ -40,26 +32,6 @@ def with_resets(run: Arrays) -> dict[str, np.ndarray]:
     counts = run["reallocations"]
     new = np.diff(counts, prepend=counts[:1]) > 0
     return {**run, "reset": np.where(new, run["attended"], -1)}
-
-
-def formats_of(given: Any) -> tuple[str, ...]:
-    """Picture formats from a list or from names with commas. Raises `ConfigError`."""
-    names = given.split(",") if isinstance(given, str) else given
-    if not isinstance(names, list | tuple) or not names:
-        raise ConfigError(f"output.format = {given}: choose from {', '.join(FORMATS)}")
-    found = [str(name).strip() for name in names]
-    for name in found:
-        if name not in FORMATS:
-            raise ConfigError(f"output.format: no '{name}'; choose from {', '.join(FORMATS)}")
-    return tuple(dict.fromkeys(found))
-
-
-def save(figure: Figure, path: Path, formats: Sequence[str] = ("png",), dpi: float = DPI) -> None:
-    """Write a picture in each format, every file whole or not at all."""
-    for name in formats:
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format=name, dpi=dpi)
-        write_bytes(path.with_suffix(f".{name}"), buffer.getvalue())
 
 
 def beside(ax: Axes, *given: Any, **options: Any) -> None:

@@ -56,8 +56,10 @@ class ConstantsConfig:
 
 @dataclass
 class MassGrowthConfig:
-    increment: float = MISSING
-    period: float = MISSING
+    """m^2 -> m^2 + increment m(0)^2 every period; no growth where neither is given."""
+
+    increment: float | None = None
+    period: float | None = None  # [s]
 
 
 @dataclass
@@ -68,7 +70,8 @@ class ScenarioConfig:
     offset: list[float] = MISSING
     horizon: float = MISSING
     mass_jumps: list[Any] = field(default_factory=list)
-    mass_growth: MassGrowthConfig | None = None
+    # A node from the start: OmegaConf can't put a mapping where a structured node is null.
+    mass_growth: MassGrowthConfig | None = field(default_factory=MassGrowthConfig)
     q: list[float] = field(default_factory=lambda: [0.0, 0.0])
     qd: list[float] = field(default_factory=lambda: [0.0, 0.0])
 
@@ -96,13 +99,19 @@ class InitialConfig:
 
 
 @dataclass
-class OutputConfig:
-    sample_dt: float = 0.05
-    member: int = 0  # whose pictures: 0 to draws - 1
+class PicturesConfig:
+    """What a command shows of its results, beside tables and arrays."""
+
     figures: bool = True
     format: Any = "png"  # of the pictures: png, pdf, svg, or a list of them
     dpi: float = 110.0
     tensorboard: bool = True
+
+
+@dataclass
+class OutputConfig(PicturesConfig):
+    sample_dt: float = 0.05
+    member: int = 0  # whose pictures: 0 to draws - 1
 
 
 @dataclass
@@ -163,6 +172,7 @@ class ReproduceConfig:
     solver: SolverConfig = field(default_factory=SolverConfig)
     initial: InitialConfig = field(default_factory=InitialConfig)
     golden: GoldenConfig = field(default_factory=GoldenConfig)
+    output: PicturesConfig = field(default_factory=PicturesConfig)
     variants: dict[str, list[str]] = field(default_factory=dict)
     tables: dict[str, TableConfig] = field(default_factory=dict)
     figures: dict[str, FigureConfig] = field(default_factory=dict)

@@ -10,6 +10,7 @@ from .config import (
     InitialConfig,
     KeysConfig,
     MemoryConfig,
+    PicturesConfig,
     PlantConfig,
     ScenarioConfig,
     SolverConfig,
@@ -41,12 +42,11 @@ class EnsembleConfig:
     rollouts: int = 1000
     chunk: int = 250  # rollouts computed and kept at once
     workers: int = 2
-    figures: bool = True
-    tensorboard: bool = True
+    output: PicturesConfig = field(default_factory=PicturesConfig)
     seed: int = 0
     run_dir: str | None = None
 
 
 #: Settings that say which rollouts, and in what portions: they may differ where ensembles are
 #: put together.
-PORTION = ("first", "rollouts", "chunk", "figures", "tensorboard")
+PORTION = ("first", "rollouts", "chunk", "output")

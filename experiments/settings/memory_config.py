@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from .config import PicturesConfig
+
 #: Variants of the two experiments.
 LEARNERS = (
     "network",
@@ -39,8 +41,7 @@ class OnlineRegressionConfig:
     seeds: int = 20  # streams, functions and initial weights, all at once
     workers: int = 2
     member: int = 0  # whose memory is shown
-    tensorboard: bool = True
-    figures: bool = True
+    output: PicturesConfig = field(default_factory=PicturesConfig)
     seed: int = 0
     run_dir: str | None = None
 
@@ -65,7 +66,6 @@ class RecallConfig:
     seeds: int = 5
     workers: int = 2
     member: int = 0  # whose memory is shown
-    tensorboard: bool = True
-    figures: bool = True
+    output: PicturesConfig = field(default_factory=PicturesConfig)
     seed: int = 0
     run_dir: str | None = None

@@ -11,6 +11,7 @@ from .config import (
     InitialConfig,
     KeysConfig,
     MemoryConfig,
+    PicturesConfig,
     PlantConfig,
     ScenarioConfig,
     SolverConfig,
@@ -37,6 +38,7 @@ class StudyConfig:
     solver: SolverConfig = field(default_factory=SolverConfig)
     initial: InitialConfig = field(default_factory=InitialConfig)
     noise: NoiseConfig = field(default_factory=NoiseConfig)
+    output: PicturesConfig = field(default_factory=PicturesConfig)
     effort_after: float = 10.0  # [s] peak torques count from here on
     horizon: float | None = None  # [s], cuts every scenario short
     seed: int = 0

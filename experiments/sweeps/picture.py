@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ..runs.figures import beside
 from .gather import ENGINE, Run, differing
 from .measures import NOTHING
 from .table import metric_names
@@ -87,7 +88,7 @@ def _lines(
     if not numeric:
         ax.set_xticks(range(len(levels[x])), [str(value) for value in levels[x]])
     if lines:
-        ax.legend(fontsize=8)
+        beside(ax, fontsize=8)
 
 
 def _heat_map(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..runs.figures import save
+from ..runs.pictures import save
 from ..runs.writing import write_text
 from .gather import Run, read_run, same_command
 from .table import csv_of, markdown_of

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +19,11 @@ from mann_torch.tuning import Ensemble, Score
 
 from ..building.ensembles import check_names, tuned_ensemble
 from ..runs.intervals import Interval, interval
+from ..settings.checks import holds_truth
+from ..settings.machine import check_file
 from ..settings.study_config import SetConfig, TuneConfig
 
+MOST_POINTS = 100_000  # of a grid
 START, TUNED = "start", "tuned"
 #: What a candidate may cost beside the start, to count as within limits.
 RATE_LIMIT, PEAK_LIMIT = 1.0, 1.1
@@ -58,9 +62,14 @@ def grid_candidates(grid: Any) -> list[Candidate]:
     columns = []
     for name, values in grid.items():
         try:
+            if holds_truth(values):
+                raise TypeError
             columns.append([float(value) for value in values])
         except (TypeError, ValueError):
             raise ConfigError(f"grid.{name} = {values}: give a list of numbers") from None
+    points = math.prod(map(len, columns))
+    if points > MOST_POINTS:
+        raise ConfigError(f"grid has {points} points: at most {MOST_POINTS}")
     found = []
     for point in itertools.product(*columns) if columns else []:
         pairs = list(zip(grid, point, strict=True))
@@ -75,13 +84,16 @@ def compared(paths: Sequence[str]) -> list[Candidate]:
     for path in paths:
         file = Path(path)
         file = file / "constants.json" if file.is_dir() else file
+        check_file("compare:", file)
         try:
             data = json.loads(file.read_text())
             values = {
                 str(name): torch.tensor(value, dtype=torch.float64)
                 for name, value in data["constants"].items()
             }
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        except OSError as error:
+            raise ConfigError(f"compare: {file}: {error.strerror}") from None
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise ConfigError(f"compare: {file}: {type(error).__name__}: {error}") from None
         found.append(Candidate("tuned: " + ", ".join(values), values))
     return found

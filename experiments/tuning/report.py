@@ -1,4 +1,4 @@
-"""A tuning run as a page."""
+"""What tuning came to, as a page."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from .observation import attended_slot, observe
 from .rollout import ENGINES, check_engine, rollout
 from .scenario import Scenario
 from .solvers.implicit import Implicit
-from .solvers.odeint import METHODS, Odeint
+from .solvers.odeint import ADAPTIVE, FIXED, METHODS, Odeint
 from .solvers.solver import Flow, Solver
 from .task import Effort
 from .trajectory import Motion, Outcome, Status, Trajectory
@@ -17,7 +17,9 @@ from .trajectory import Motion, Outcome, Status, Trajectory
 SOLVERS: tuple[str, ...] = ("implicit", *METHODS)
 
 __all__ = [
+    "ADAPTIVE",
     "ENGINES",
+    "FIXED",
     "GRADIENTS",
     "METHODS",
     "SOLVERS",

@@ -83,6 +83,13 @@ class GradientSettings:
             return self.pairs
         return 3 if self.design == "each" else math.ceil(2.5 * coordinates / members)
 
+    def copies_for(self, members: int, coordinates: int) -> int:
+        """Copies of each member that run side by side."""
+        if self.mode in PATHWISE:
+            return 1
+        every = 2 if self.mode == "smoothed" and self.design == "joint" else 2 * coordinates
+        return every * (1 if self.mode == "fd" else self.pairs_for(members, coordinates))
+
     def temperature_at(self, progress: float) -> float:
         """The temperature when a share `progress` (0 to 1) of the run is done."""
         ratio = self.final_temperature / self.temperature

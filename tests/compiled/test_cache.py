@@ -300,3 +300,37 @@ def test_a_disk_that_is_really_full(tmp_path: Path) -> None:
         finally:
             subprocess.run(["umount", str(room)], check=True)
         assert [line for line in found if line.startswith("[49")] == ["[49, 49] 1"] * 2
+
+
+def test_the_folder_of_a_killed_process_goes_with_the_next_and_a_living_ones_stays(
+    tmp_path: Path,
+) -> None:
+    script = (
+        "import os, sys, time\n"
+        "from mann_torch.compiled.host.cache import temporary_folder\n"
+        "print(temporary_folder(os.getpid()), flush=True)\n"
+        "time.sleep(60)\n"
+    )
+
+    def begun() -> tuple[subprocess.Popen[str], Path]:
+        process = subprocess.Popen(
+            [sys.executable, "-c", script],
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "TMPDIR": str(tmp_path)},
+        )
+        assert process.stdout is not None
+        return process, Path(process.stdout.readline().strip())
+
+    (killed, left), (living, kept) = begun(), begun()
+    try:
+        killed.kill()
+        killed.wait()
+        assert left.is_dir()
+        following, own = begun()
+        assert not left.exists() and kept.is_dir() and own.is_dir()
+        following.kill()
+    finally:
+        for process in (killed, living):
+            process.kill()
+            process.wait()

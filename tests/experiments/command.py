@@ -3,8 +3,10 @@
 import signal
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 
 def exit_code(monkeypatch: pytest.MonkeyPatch, main: Callable[[], None], *arguments: str) -> int:
@@ -18,3 +20,10 @@ def exit_code(monkeypatch: pytest.MonkeyPatch, main: Callable[[], None], *argume
     finally:
         signal.signal(signal.SIGINT, handler)
     return 0
+
+
+def logged(folder: Path) -> EventAccumulator:
+    """What the run in a folder has told TensorBoard, as one run named by what was asked for."""
+    (place,) = {path.parent for path in folder.rglob("events.out.tfevents.*")}
+    assert place.parent == folder and "=" in place.name
+    return EventAccumulator(str(place), size_guidance={"scalars": 0, "images": 0}).Reload()

@@ -32,6 +32,21 @@ COMMANDS = {
     ],
     "sweep": ["simulate", "-m", "controller=nn,soft", "seed=1,2,3", "horizon=0.3"],
 }
+#: Killed fewer times: they go on in the same ways.
+OTHERS = {
+    "gradient_report": [
+        *("gradient_report", "horizon=0.1", "draws=2", "names=[error_gain]", "steps=[0.1]"),
+        *("temperatures=[]", "horizons=[]"),
+    ],
+    "recall": [
+        *("recall", "variants=[soft,lstm]", "iterations=200", "seeds=2", "test_sequences=20"),
+        "workers=1",
+    ],
+    "online_regression": [
+        *("online_regression", "variants=[network,soft]", "rates=[1]", "visits=2", "seeds=2"),
+        *("n_functions=2", "visit_length=2", "dt=0.05", "window=0.5", "workers=1"),
+    ],
+}
 
 
 def settings(**values: Any) -> Any:
@@ -130,7 +145,12 @@ def test_finished_trainings_are_not_done_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = ["variants=[soft,lstm]", "iterations=100", "test_sequences=20", "seeds=2"]
-    arguments += ["workers=1", "figures=false", "tensorboard=false", f"run_dir={tmp_path / 'run'}"]
+    arguments += [
+        "workers=1",
+        "output.figures=false",
+        "output.tensorboard=false",
+        f"run_dir={tmp_path / 'run'}",
+    ]
     assert exit_code(monkeypatch, recall.main, *arguments) == 0
     before = dict(np.load(tmp_path / "run" / "arrays.npz"))
     (tmp_path / "run" / "metrics.json").unlink()
@@ -160,36 +180,47 @@ def numbers_in(folder: Path) -> dict[str, Any]:
     return found
 
 
-def kill_and_repeat(tmp_path: Path, name: str, waits: list[float]) -> None:
+def kill_and_repeat(tmp_path: Path, name: str, shares: list[float]) -> None:
+    """Kill a run after shares of the time that it takes undisturbed, and repeat it each time."""
     whole = tmp_path / "whole"
-    done = start(whole, *COMMANDS[name])
-    assert done.wait(timeout=300) == 0, done.stderr.read() if done.stderr else ""
+    began = time.monotonic()
+    command = {**COMMANDS, **OTHERS}[name]
+    done = start(whole, *command)
+    _, said = done.communicate(timeout=300)
+    assert done.returncode == 0, said
+    taken = time.monotonic() - began
     expected = numbers_in(whole)
     assert expected
-    for number, wait in enumerate(waits):
+    met = {"before": 0, "at work": 0, "finished": 0}
+    for number, share in enumerate(shares):
+        wait = share * taken
         folder = tmp_path / f"{name}_{number}"
-        process = start(folder, *COMMANDS[name])
+        process = start(folder, *command)
         time.sleep(wait)
         process.kill()
         process.communicate()
-        again = start(folder, *COMMANDS[name])
+        ended = (folder / ("sweep.csv" if name == "sweep" else "metrics.json")).exists()
+        met["finished" if ended else "at work" if folder.exists() else "before"] += 1
+        again = start(folder, *command)
         _, said = again.communicate(timeout=300)
         assert again.returncode == 0, (wait, said[-2000:])
         assert numbers_in(folder) == expected, wait
         assert not [p for p in folder.rglob(".*.????????") if p.is_file()]
         shutil.rmtree(folder)
+    print(f"{name}: {len(shares)} kills within {taken:.1f} s, the run {met}")
 
 
 @pytest.mark.slow
 def test_killed_and_repeated_a_run_is_that_of_the_undisturbed(tmp_path: Path) -> None:
-    kill_and_repeat(tmp_path, "simulate", [3.0])
+    kill_and_repeat(tmp_path, "simulate", [0.7])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", list(COMMANDS))
+@pytest.mark.parametrize("name", [*COMMANDS, *OTHERS])
 def test_killed_at_many_moments(name: str, tmp_path: Path) -> None:
     draw = np.random.default_rng(len(name))
-    kill_and_repeat(tmp_path, name, draw.uniform(1.5, 7.0, 25).tolist())
+    kills = 25 if name in COMMANDS else 4
+    kill_and_repeat(tmp_path, name, draw.uniform(0.3, 1.0, kills).tolist())
 
 
 @pytest.mark.slow
@@ -220,6 +251,20 @@ def test_a_closed_stdout_is_one_line(tmp_path: Path) -> None:
     assert process.stderr is not None
     said = process.stderr.read().strip().splitlines()
     assert process.wait() == 1 and said[-1] == "error: stdout was closed before the end"
+
+
+@pytest.mark.slow
+def test_without_stdout_or_stderr_a_run_finishes(tmp_path: Path) -> None:
+    for closed in ("1>&-", "2>&-"):
+        folder = tmp_path / closed[0]
+        line = [sys.executable, "-m", "experiments.simulate", *QUIET, f"run_dir={folder}"]
+        done = subprocess.run(
+            ["sh", "-c", f'"$@" {closed}', "sh", *line],
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0 and (folder / "metrics.json").exists(), done.stderr
 
 
 @pytest.mark.slow

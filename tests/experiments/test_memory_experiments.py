@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch import nn
 
 from experiments import online_regression, recall
@@ -27,7 +26,7 @@ from experiments.settings.memory_config import (
     OnlineRegressionConfig,
     RecallConfig,
 )
-from tests.experiments.command import exit_code
+from tests.experiments.command import exit_code, logged
 
 SHORT_REGRESSION = ["visit_length=1", "visits=2", "window=0.5", "dt=0.05", "seeds=2", "workers=1"]
 SHORT_REGRESSION += ["rates=[1,2]"]
@@ -58,10 +57,10 @@ def test_a_short_run_writes_everything(
             np.testing.assert_allclose(weights.sum(-1), 1.0, atol=1e-12)
             assert arrays[f"{variant}/mu"].shape[:2] == weights.shape
             assert len(arrays[f"{variant}/reallocation_step"]) == 0
-    logged = EventAccumulator(str(folder), size_guidance={"images": 0}).Reload()
-    assert "memory" in logged.Tags()["images"]
+    log = logged(folder)
+    assert "memory" in log.Tags()["images"]
     assert {f"{v}/" for v in variants} == {
-        tag.split("/")[0] + "/" for tag in logged.Tags()["scalars"] if tag.count("/") == 1
+        tag.split("/")[0] + "/" for tag in log.Tags()["scalars"] if tag.count("/") == 1
     }
     assert exit_code(monkeypatch, module.main, *short, f"run_dir={folder}") == 2
 

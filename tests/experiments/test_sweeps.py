@@ -2,9 +2,12 @@
 
 import csv
 import json
+import os
 import re
+import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -153,7 +156,7 @@ def test_a_sweep_of_recall_has_each_variants_accuracy(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     small = ["variants=[soft,lstm]", "seeds=2", "iterations=50", "batch=4", "test_sequences=20"]
-    small += ["workers=1", "figures=false", "tensorboard=false", f"run_dir={folder}"]
+    small += ["workers=1", "output.figures=false", "output.tensorboard=false", f"run_dir={folder}"]
     assert exit_code(monkeypatch, recall.main, "-m", "n_pairs=2,3", *small) == 0
     rows = table(folder)
     assert [row["n_pairs"] for row in rows] == ["2", "3"]
@@ -172,6 +175,37 @@ def test_the_table_is_the_same_under_every_launcher(launcher: str, folder: Path)
         assert done.returncode == 0, done.stderr
     tables = [(folder / name / "sweep.csv").read_bytes() for name in ("basic", launcher)]
     assert tables[0] == tables[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("launcher", ["basic", "joblib", "submitit_local", "ray"])
+def test_killed_half_way_and_repeated_the_remaining_jobs_run(launcher: str, folder: Path) -> None:
+    if launcher != "basic" and not launchers.is_installed(launcher):
+        pytest.skip(f"{launcher} is not installed")
+    swept = ["-m", "scenario=1,2,4,5", "controller=nn,soft,hard", "constants.write_gain=0.5,0.75"]
+    line = [sys.executable, "-m", "experiments.simulate", *swept, *SHORT]
+    line.append(f"hydra/launcher={launcher}")
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    whole = subprocess.run([*line, f"run_dir={folder / 'whole'}"], env=environment)
+    assert whole.returncode == 0
+    killed = folder / "killed"
+    process = subprocess.Popen(
+        [*line, f"run_dir={killed}"], env=environment, start_new_session=True
+    )
+    while len(list(killed.glob("*/metrics.json"))) < 10 and process.poll() is None:
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    subprocess.run(["pkill", "-9", "-f", str(killed)])  # what a launcher has put elsewhere
+    time.sleep(3)  # ray's daemons go by themselves
+    done = {path: path.stat().st_mtime_ns for path in killed.glob("*/metrics.json")}
+    assert 10 <= len(done) < 24 and not (killed / "sweep.csv").exists()
+    again = subprocess.run([*line, f"run_dir={killed}"], env=environment)
+    assert again.returncode == 0
+    assert all(path.stat().st_mtime_ns == then for path, then in done.items())
+    tables = [(f / "sweep.csv").read_bytes() for f in (folder / "whole", killed)]
+    assert tables[0] == tables[1] and tables[0].count(b"ok") == 24
+    print(f"{launcher}: killed with {len(done)} of 24 jobs done, {24 - len(done)} run again")
 
 
 def test_a_launcher_that_is_not_there_is_refused_in_one_line(

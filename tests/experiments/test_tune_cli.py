@@ -11,11 +11,10 @@ from pathlib import Path
 
 import pytest
 import torch
-from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from experiments import tune
 from experiments.runs import checkpoints
-from tests.experiments.command import exit_code
+from tests.experiments.command import exit_code, logged
 
 #: The torch engine has nothing to compile.
 SHORT = ["horizon=0.08", "effort_after=0.02", "train.draws=[0,1]", "held_out.draws=[2,3]"]
@@ -50,9 +49,7 @@ def test_a_run_leaves_constants_judgement_and_curves(
     # 26 candidates (start, tuned, grid of 24) x 2 scenarios x 2 draws, and a header
     assert len((folder / "held_out.csv").read_text().splitlines()) == 26 * 4 + 1
     assert {path.name for path in folder.glob("*.png")} == {"progress.png", "pareto.png"}
-    log = EventAccumulator(str(folder), size_guidance={"scalars": 0}).Reload()
-    assert [e.step for e in log.Scalars("tune/objective")] == [0, 1, 2]
-    assert not [path for path in folder.rglob("events.out*") if path.parent != folder]
+    assert [e.step for e in logged(folder).Scalars("tune/objective")] == [0, 1, 2]
     before = (folder / "metrics.json").read_bytes()
     assert run(monkeypatch, *arguments, f"run_dir={folder}") == 0  # skipped
     assert run(monkeypatch, f"resume={folder}") == 0  # so too
@@ -87,8 +84,7 @@ def test_killed_at_any_moment_and_resumed_it_ends_in_the_same_constants(
             assert run(monkeypatch, f"resume={part}") == 0
         found = [json.loads((f / "constants.json").read_text()) for f in (whole, part)]
         assert found[0]["constants"] == found[1]["constants"]
-        log = EventAccumulator(str(part), size_guidance={"scalars": 0}).Reload()
-        assert [e.step for e in log.Scalars("tune/objective")] == list(range(8))
+        assert [e.step for e in logged(part).Scalars("tune/objective")] == list(range(8))
 
 
 def test_constants_of_another_run_are_compared(

@@ -36,6 +36,7 @@ PATIENCE, STALE = 60.0, 24 * 3600.0
 #: What a process makes and removes itself begins like this.
 OWN = "mann_torch_kernels_"
 _SEAL = "seal.json"
+_OWNED = "owner.lock"
 
 
 def loaded_safely(made: Any, wp: Any, device: str) -> Any:
@@ -124,8 +125,7 @@ def _remove(path: Path) -> None:
 @functools.cache
 def _tidy(cache: Path) -> None:
     """Throw away what processes that were killed left behind, and kernels out of use."""
-    rooms = *cache.glob(f"*{OWN}*"), *Path(tempfile.gettempdir()).glob(f"{OWN}*")
-    for path in (*rooms, *cache.glob("wp_march_*")):
+    for path in (*cache.glob(f"*{OWN}*"), *cache.glob("wp_march_*")):
         with suppress(OSError):
             seal = path / _SEAL
             age = time.time() - (seal if seal.exists() else path).stat().st_mtime
@@ -167,7 +167,29 @@ def temporary_folder(process: int, where: Path | None = None) -> Path:
         where.mkdir(parents=True, exist_ok=True)
     made = tempfile.mkdtemp(prefix=OWN, dir=where)
     atexit.register(_forget, made, process)
+    with suppress(ImportError, OSError):
+        _held.append(_lock(Path(made) / _OWNED, time.monotonic()))
+    _forget_killed(Path(made).parent)
     return Path(made)
+
+
+#: Locks on this process's own folders: the system lets go of them however it ends.
+_held: list[IO[bytes] | None] = []
+
+
+def _forget_killed(where: Path) -> None:
+    """Remove the folders of processes that ended without a word."""
+    for path in where.glob(f"{OWN}*"):
+        with suppress(OSError, ImportError):
+            if not (path / _OWNED).exists():  # just made, or where no lock can be had
+                gone = time.time() - path.stat().st_mtime > STALE
+            else:
+                lock = _lock(path / _OWNED, time.monotonic())
+                gone = lock is not None
+                if lock is not None:
+                    lock.close()
+            if gone:
+                shutil.rmtree(path, ignore_errors=True)
 
 
 def _forget(folder: str, process: int) -> None:

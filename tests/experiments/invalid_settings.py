@@ -1,0 +1,188 @@
+"""Settings that no command can use, made at random: every leaf of every command is spoiled."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from typing import Any
+
+from omegaconf import DictConfig, ListConfig, OmegaConf
+
+from experiments.command.cli import compose_job
+
+COMMANDS = (
+    *("simulate", "ensemble", "reproduce", "tune", "gradient_report", "recall"),
+    "online_regression",
+)
+#: How often each is asked: the quick ones more.
+SHARE = (6, 4, 2, 3, 4, 5, 5)
+#: Numbers that may be anything finite, or that nothing computes with.
+_ANY_SIGN = ("amplitude", "frequency", "offset", "q", "qd", "gravity", "paper", "paper_reduction")
+_MAY_BE_ZERO = (
+    "initial.draw",
+    "draw",
+    "first",
+    "spread",
+    "restart",
+    "seed",
+    "noise.seed",
+    "output.member",
+    "member",
+    "joint",
+)
+#: Sizes that no machine has room for, and counts that no one lives to see the end of.
+_SIZES = (
+    "draws",
+    "rollouts",
+    "first",
+    "chunk",
+    "memory.n_slots",
+    "controller.n_hidden",
+    "pairs",
+    "gradient.pairs",
+    "schedule.iterations",
+    "workers",
+    "seeds",
+    "batch",
+    "test_sequences",
+    "n_slots",
+    "n_hidden",
+    "hidden_size",
+    "n_keys",
+    "iterations",
+    "visits",
+)
+#: What only goes wrong together.
+TOGETHER = {
+    "simulate": (
+        ("solver=implicit", "solver.rtol=1e-3"),
+        ("solver=dopri5", "solver.follow_reference=false"),
+        ("solver=rk4", "solver.atol=1e-3"),
+        ("solver=dopri5", "solver.max_step=1e-4"),
+        ("scenario.mass_jumps=[[1,1e200],[2,1e200]]",),
+        ("scenario.mass_jumps=[[1,1e-200],[2,1e-200]]",),
+        ("scenario.mass_jumps=[[true,2]]",),
+        ("scenario.mass_jumps=[[1,true]]",),
+        ("scenario.mass_growth={increment:1e308,period:1}", "scenario.mass_jumps=[]"),
+        ("scenario.mass_growth={increment:1,period:1}",),
+        ("scenario.mass_growth.period=3", "scenario.mass_jumps=[]"),
+        ("constants.error_gain=[true,1]",),
+        ("draws=1000000", "initial.draw=1000000"),
+        ("horizon=1e7", "solver.dt=1e-6"),
+        ("-m", "seed=range(0,1000000)"),
+        ("-m", "controller=nn,lstm"),
+        ("controler=hard",),
+        ("--foo",),
+        ("initial.weights_file=/nowhere.npz",),
+    ),
+    "ensemble": (
+        ("first=1048570",),
+        ("masses.spread=1",),
+        ("rollouts=1000000", "initial.draw=1000000"),
+        ("chunk=10000", "rollouts=10000", "controller.n_hidden=30000"),
+        ("scenario.mass_jumps=[[1,1e200],[2,1e200]]",),
+        ("draws=3",),
+        ("workers=1000",),
+    ),
+    "reproduce": (
+        ("experiment=[table_9]",),
+        ("horizon=nan",),
+        ("horizon=inf",),
+        ("solver.rtol=1e-3",),
+        ("variants.nn=['controller=lstm']",),
+        ("golden.srmse_file=/nowhere.json",),
+        ("draws=100000",),
+    ),
+    "tune": (
+        ("grid={rate_W:[true]}",),
+        ("grid={rate_W:range(0,1000),rate_V:range(0,1000)}",),
+        ("start={foo:1}",),
+        ("start={rate_W:nan}",),
+        ("gradient.control=[foo]",),
+        ("gradient.pairs=1000000000",),
+        ("gradient.pairs=0",),
+        ("noise.rate=1e12",),
+        ("noise.rate=0",),
+        ("horizon=nan",),
+        ("horizon=-1",),
+        ("names=[foo]",),
+        ("names=[]",),
+        ("train.scenarios=[foo]",),
+        ("train.draws=[-1]",),
+        ("held_out.draws=[1,1]",),
+        ("schedule.curriculum=[[1,nan]]",),
+        ("resume=/nowhere",),
+        ("compare=[/nowhere]",),
+    ),
+    "gradient_report": (
+        ("horizon=inf",),
+        ("scenario.mass_jumps=[[1,1e200],[2,1e200]]",),
+        ("solver=implicit", "solver.rtol=1e-3"),
+        ("control=[foo]",),
+        ("names=[foo]",),
+        ("joint=3",),
+        ("judge=0.2",),
+        ("steps=[3]",),
+        ("draws=1",),
+    ),
+    "recall": (
+        ("n_pairs=9", "n_keys=8"),
+        ("variants=[soft,soft]",),
+        ("variants=[foo]",),
+        ("batch=1000000", "n_slots=1000", "hidden_size=1000"),
+    ),
+    "online_regression": (
+        ("rates=[]",),
+        ("rates=[1,1]",),
+        ("visit_length=1e12",),
+        ("n_hidden=10000", "n_slots=10000", "seeds=10000"),
+        ("window=20",),
+    ),
+}
+
+
+def invalid(count: int, seed: int) -> Iterator[tuple[str, list[str]]]:
+    """`count` command lines, each a command and arguments that it has to refuse."""
+    chance = random.Random(seed)
+    leaves = {command: list(_leaves(compose_job(command, []))) for command in COMMANDS}
+    for _ in range(count):
+        (command,) = chance.choices(COMMANDS, SHARE)
+        if chance.random() < 0.25:
+            yield command, list(chance.choice(TOGETHER[command]))
+            continue
+        name, value = chance.choice(leaves[command])
+        yield command, [f"{name}={chance.choice(_spoiled(name, value))}"]
+
+
+def _leaves(node: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Settings by dotted name: numbers, names, and lists of numbers."""
+    if prefix.startswith(("run_dir", "tables.", "figures.", "variants.", "grid.", "golden.")):
+        return
+    if isinstance(node, DictConfig) and not node._is_none():
+        for key in node:
+            yield from _leaves(node._get_node(key), f"{prefix}{key}.")
+        return
+    value = OmegaConf.to_container(node) if isinstance(node, ListConfig) else node._value()
+    of_numbers = isinstance(value, list) and value and not isinstance(value[0], str | list)
+    if of_numbers or isinstance(value, bool | int | float):
+        yield prefix.removesuffix("."), value
+
+
+def _spoiled(name: str, value: Any) -> list[str]:
+    """What could stand after `name=` and can't be used."""
+    own = name.rpartition(".")[2]
+    if isinstance(value, bool):
+        return ["maybe", "[true]", "nan", "2.5"]
+    if isinstance(value, list):
+        bad = ["[nan,1]", "[1,inf]", "[true,1]", "[a,b]", "foo", "{a:1}"]
+        return bad if own in _ANY_SIGN else [*bad, "[-1,1]"]
+    bad = ["nan", "inf", "-inf", "true", "foo", "[1,2,3]", "{a:1}", "1e", "''"]
+    if own not in _ANY_SIGN:
+        bad.append("-1")
+    if own not in (*_ANY_SIGN, *_MAY_BE_ZERO) and isinstance(value, int) and name in _SIZES:
+        bad.append("0")
+    if name in _SIZES:
+        bad += ["1000000000", "1000000000000"]
+    if isinstance(value, int):
+        bad += ["2.5", "99999999999999999999"]
+    return bad
