@@ -45,7 +45,8 @@ def write_ensembles(
     page += [note] if note else []
     figures = {}
     if output.figures:
-        title = "; ".join(dict.fromkeys(told.title for told in ensembles.values()))
+        titles = {told.title for told in ensembles.values()}
+        title = titles.pop() if len(titles) == 1 else f"{len(ensembles)} ensembles"
         shown = {name: told.rollouts for name, told in ensembles.items()}
         figures = {"histogram": histogram(shown, title)}
         save_all(folder, figures, output)
