@@ -11,7 +11,6 @@ import dataclasses
 import shlex
 import sys
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -21,20 +20,14 @@ from omegaconf import OmegaConf
 
 from mann_torch.errors import ConfigError
 
-from .building.chunks import experiment_of, run_chunk, simulated
-from .building.sizes import check_rollouts
-from .building.weights import MOST_DRAWS
+from .building.chunks import experiment_of, run_chunk
+from .building.ensembles import check_copies
 from .command.cli import command_line, reject_unknown, run_cli
 from .command.overrides import as_typed
 from .ensembles.report import Told, write_ensembles
 from .ensembles.rollouts import Chunk, Rollouts, joined
 from .ensembles.summary import measures, statistics, table
-from .records.recording import (
-    IDENTITY,
-    log_summary,
-    summary_writer,
-    telling_settings,
-)
+from .records.recording import IDENTITY, log_summary, summary_writer, telling_settings
 from .runs.life import finish
 from .runs.parts import all_parts, npz_parts
 from .runs.pictures import check_pictures
@@ -46,6 +39,9 @@ from .settings.machine import check_workers
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: Rollouts and draws are numbered below this.
+NUMBERS = 1 << 20
+
 
 def main() -> None:
     """Command line of `python -m experiments.ensemble`."""
@@ -56,23 +52,24 @@ def checked(cfg: Any) -> EnsembleConfig:
     """A composed configuration as plain dataclasses, its names, types and ranges verified."""
     reject_unknown(cfg, EnsembleConfig)
     plain = cast(EnsembleConfig, OmegaConf.to_object(cfg))
-    check_pictures(plain.output)
-    check_between(plain, {"first": (0, MOST_DRAWS - 1), "rollouts": (1, MOST_DRAWS)})
+    check_between(plain, {"first": (0, NUMBERS - 1), "rollouts": (1, NUMBERS)})
     check_between(plain, {"chunk": (1, 10_000)})
-    check_workers(plain.workers)
+    check_pictures(plain.output)
     check_horizon(plain.horizon)
+    check_workers(plain.workers)
     if not 0 <= plain.masses.spread < 1:
         raise ConfigError(f"masses.spread = {plain.masses.spread}: must be >= 0 and < 1")
-    last = plain.first + plain.rollouts - 1
-    if not plain.initial.draw + last < MOST_DRAWS:
+    first, last = plain.first, plain.first + plain.rollouts - 1
+    if not 0 <= plain.initial.draw <= plain.initial.draw + last < NUMBERS:
         raise ConfigError(
-            f"initial.draw = {plain.initial.draw}, first = {plain.first}, rollouts = "
-            f"{plain.rollouts}: draws are numbered below {MOST_DRAWS}"
+            f"initial.draw = {plain.initial.draw}, first = {first}, rollouts = {plain.rollouts}: "
+            "draws must be >= 0 and < 2^20"
         )
-    at_once = min(plain.workers * plain.chunk, plain.rollouts)
-    check_rollouts(f"chunk = {plain.chunk}, workers = {plain.workers}", simulated(plain), at_once)
-    in_file = plain.initial.weights_file is not None  # which may lack any of them
-    experiment_of(plain, plain.first if in_file else last, plain.rollouts if in_file else 1)
+    check_copies(plain, plain.chunk * plain.workers, f"chunk = {plain.chunk}")
+    if plain.initial.weights_file is None:
+        experiment_of(plain, last, 1)
+    else:  # which may lack any of them
+        experiment_of(plain, first, plain.rollouts)
     return plain
 
 
@@ -110,9 +107,9 @@ def _task(cfg: Any) -> None:
     alone, most = run_alone(), max(part.peak_mb for part in parts)
     told = Told(rollouts, title, alone, plain.initial.draw)
     note = f"{wall_s:.0f} s; a process took at most {most:.0f} MB."
-    figures = write_ensembles(folder, {"": told}, command, plain.output, note)
+    figures = write_ensembles(folder, {"": told}, command, note, plain.output)
     if plain.output.tensorboard:
-        _log(folder, plain, rollouts, figures, command)
+        _log(folder, plain, command, rollouts, figures)
     found = statistics(rollouts)
     lost = len(rollouts) - int(rollouts.ok.sum())
     record = {
@@ -140,9 +137,9 @@ def _task(cfg: Any) -> None:
 def _log(
     folder: Path,
     cfg: EnsembleConfig,
-    rollouts: Rollouts,
-    figures: Mapping[str, Figure],
     command: str,
+    rollouts: Rollouts,
+    figures: dict[str, Figure],
 ) -> None:
     """TensorBoard: the measures as histograms, their means, the settings, the picture."""
     with summary_writer(folder, command) as writer:

@@ -22,17 +22,16 @@ from .random_masses import random_masses, with_masses
 MOTION_DT = 10.0
 
 
-def simulated(cfg: EnsembleConfig) -> SimulateConfig:
-    """What `simulate` would be told."""
-    names = {field.name for field in dataclasses.fields(SimulateConfig)} - {"output"}
-    names &= {field.name for field in dataclasses.fields(EnsembleConfig)}
-    return SimulateConfig(**{name: getattr(cfg, name) for name in names})
-
-
 def experiment_of(cfg: EnsembleConfig, first: int, count: int) -> Experiment:
     """Rollouts first to first + count - 1 as one batch. Raises `ConfigError`."""
-    plain = simulated(cfg)
-    made = build(plain, range(first, first + count))
+    names = {field.name for field in dataclasses.fields(SimulateConfig)}
+    names &= {field.name for field in dataclasses.fields(EnsembleConfig)}
+    plain = dataclasses.replace(
+        SimulateConfig(**{name: getattr(cfg, name) for name in names}),
+        initial=dataclasses.replace(cfg.initial, draw=cfg.initial.draw + first),
+        draws=count,
+    )
+    made = build(plain)
     masses = random_masses(plain.plant.masses, cfg.masses.spread, cfg.seed, first, count)
     return dataclasses.replace(made, scenario=with_masses(made.scenario, plain, masses))
 

@@ -20,6 +20,7 @@ from ..command.cli import compose_job
 from ..command.conf_files import group_names
 from ..settings.checks import check_horizon
 from ..settings.config import SimulateConfig
+from ..settings.ensemble_config import EnsembleConfig
 from ..settings.study_config import NoiseConfig, StudyConfig, TuneConfig
 from .batching import side_by_side
 from .build import Experiment, build
@@ -121,7 +122,7 @@ def _noise(cfg: NoiseConfig, draws: Sequence[int], end: float) -> MeasurementNoi
     return noise
 
 
-def check_copies(cfg: StudyConfig, count: int, what: str) -> None:
+def check_copies(cfg: StudyConfig | EnsembleConfig, count: int, what: str) -> None:
     """Raise `ConfigError` where `count` rollouts side by side do not fit the machine."""
     plain = SimulateConfig(controller=cfg.controller, memory=cfg.memory)
     check_rollouts(f"{what}: {count} rollouts side by side", plain, count)

@@ -21,10 +21,7 @@ _SQRT = re.compile(r"sqrt\(\s*([0-9.eE+-]+)\s*\)")
 def mass_schedule(
     scenario: ScenarioConfig, masses: list[float], horizon: float
 ) -> tuple[list[float], list[list[float]]]:
-    """Jump times [s] and mass rows [kg] of a scenario, up to its horizon.
-
-    Each of `masses` may be an array, of many rollouts: so are the rows then, to the same bits.
-    """
+    """Jump times [s] and mass rows [kg] of a scenario, up to its horizon."""
     growth = scenario.mass_growth or MassGrowthConfig()
     increment, period = growth.increment, growth.period
     if increment is not None or period is not None:
@@ -50,15 +47,13 @@ def mass_schedule(
 
 def _possible(times: list[float], rows: list[list[float]], where: str) -> list[list[float]]:
     """The rows, if the plant can compute with every one: it multiplies masses by each other."""
-    for time, row in zip(times, rows[1:], strict=True):
-        for mass in row:
-            least, most = float(np.min(mass)), float(np.max(mass))
-            if not LEAST_MASS <= least <= most <= MOST_MASS:
-                mass = least if most <= MOST_MASS else most
-                raise ConfigError(
-                    f"scenario.{where}: from {time:g} s on a mass is {mass:g} kg; "
-                    f"{LEAST_MASS:g} to {MOST_MASS:g} kg can be computed with"
-                )
+    later = np.array([[np.asarray(mass) for mass in row] for row in rows[1:]])
+    bad = np.argwhere(~((later >= LEAST_MASS) & (later <= MOST_MASS)))
+    if len(bad):
+        raise ConfigError(
+            f"scenario.{where}: from {times[bad[0][0]]:g} s on a mass is {later[tuple(bad[0])]:g} "
+            f"kg; {LEAST_MASS:g} to {MOST_MASS:g} kg can be computed with"
+        )
     return rows
 
 

@@ -40,9 +40,9 @@ def with_masses(scenario: Scenario, cfg: SimulateConfig, masses: Tensor) -> Scen
 
     Its schedule is computed by what computes one rollout's, all rollouts at once: the same bits.
     """
-    columns = cast(list[float], list(masses.numpy().T))
+    columns = cast(list[float], list(masses.unbind(-1)))
     times, rows = mass_schedule(cfg.scenario, columns, scenario.end)
-    values = torch.from_numpy(np.array(rows)).permute(2, 0, 1)
+    values = torch.stack([torch.stack(cast(list[Tensor], row), -1) for row in rows], -2)
     at = torch.tensor(times, dtype=torch.float64).expand(len(masses), len(times))
     parameters = cast(ArmParameters, scenario.parameters)._replace(masses=masses)
     schedule = {**scenario.schedule, "masses": PiecewiseConstant(at, values)}

@@ -32,10 +32,14 @@ def write_ensembles(
     folder: Path,
     ensembles: Mapping[str, Told],
     command: str,
-    output: PicturesConfig,
     note: str = "",
+    output: PicturesConfig | None = None,
 ) -> dict[str, Figure]:
-    """`rollouts.csv`, `ensemble.md`, `histogram.png`; the names say which ensemble is which."""
+    """`rollouts.csv`, `ensemble.md`, `histogram.png`; the names say which ensemble is which.
+
+    Returns the pictures by name.
+    """
+    output = output or PicturesConfig()
     if len(ensembles) == 1:
         write_text(folder / ROLLOUTS, text_of(next(iter(ensembles.values())).rollouts))
     else:
@@ -47,9 +51,9 @@ def write_ensembles(
     if output.figures:
         titles = {told.title for told in ensembles.values()}
         title = titles.pop() if len(titles) == 1 else f"{len(ensembles)} ensembles"
-        shown = {name: told.rollouts for name, told in ensembles.items()}
-        figures = {"histogram": histogram(shown, title)}
-        save_all(folder, figures, output)
+        rollouts = {name: told.rollouts for name, told in ensembles.items()}
+        figures["histogram"] = histogram(rollouts, title)
+    save_all(folder, figures, output)
     write_text(folder / "ensemble.md", "\n\n".join(page) + "\n" + linked(figures, output))
     return figures
 

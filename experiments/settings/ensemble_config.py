@@ -49,4 +49,4 @@ class EnsembleConfig:
 
 #: Settings that say which rollouts, and in what portions: they may differ where ensembles are
 #: put together.
-PORTION = ("first", "rollouts", "chunk", "output")
+PORTION = ("first", "rollouts", "chunk")

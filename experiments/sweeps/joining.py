@@ -9,7 +9,6 @@ from pathlib import Path
 from ..ensembles.report import Told, write_ensembles
 from ..ensembles.rollouts import joined, read_rollouts
 from ..runs.life import MARK
-from ..settings.config import PicturesConfig
 from ..settings.ensemble_config import PORTION
 from .gather import ENGINE, Run, differing
 
@@ -19,14 +18,14 @@ def write_joined(folder: Path, runs: Sequence[Run], command: str) -> bool:
     finished = [run for run in runs if run.command == "ensemble"]
     if len(finished) < 2:
         return False
-    write_ensembles(folder, _ensembles(finished), command, PicturesConfig())
+    write_ensembles(folder, _ensembles(finished), command)
     return True
 
 
 def _ensembles(runs: Sequence[Run]) -> dict[str, Told]:
     """Runs that differ only in which rollouts they computed are one; named by what else differs."""
-    aside = (*PORTION, ENGINE)
-    columns = {k: v for k, v in differing(runs).items() if k.partition(".")[0] not in aside}
+    portion = (*PORTION, ENGINE, "output")
+    columns = {k: v for k, v in differing(runs).items() if k.partition(".")[0] not in portion}
     groups: dict[str, list[Run]] = {}
     for place, run in enumerate(runs):
         name = ", ".join(f"{key} {values[place]}" for key, values in columns.items())

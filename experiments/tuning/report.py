@@ -1,4 +1,4 @@
-"""What tuning came to, as a page."""
+"""A tuning run as a page."""
 
 from __future__ import annotations
 

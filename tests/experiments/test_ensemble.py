@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from experiments import collect, ensemble, simulate
 from experiments.building.build import build_scenario
@@ -24,7 +25,7 @@ from experiments.ensembles.rollouts import Rollouts, joined, read_rollouts, text
 from experiments.ensembles.summary import ranges, statistics, worst
 from experiments.runs import workers
 from experiments.sweeps import jobs
-from tests.experiments.command import exit_code, logged
+from tests.experiments.command import exit_code
 
 ROOT = Path(__file__).parents[2]
 QUIET = ["output.figures=false", "output.tensorboard=false"]
@@ -94,7 +95,8 @@ def test_a_run_leaves_rollouts_a_page_a_picture_and_curves(
     assert "`python -m experiments.ensemble horizon=6 " in page and "8 rollouts, 0 to 7" in page
     assert "`python -m experiments.simulate horizon=6 controller=hard`" in page
     assert (folder / "histogram.png").read_bytes().startswith(b"\x89PNG")
-    curves = logged(folder).Tags()
+    (log,) = {path.parent for path in folder.rglob("events.out*")}
+    curves = EventAccumulator(str(log)).Reload().Tags()
     assert "srmse_1" in curves["histograms"] and "metrics/srmse_1" in curves["scalars"]
     alone, here = srmse_alone(monkeypatch, folder, folder.parent / "alone")
     assert alone == here
@@ -220,8 +222,8 @@ BAD = {
     "workers=0": "workers = 0",
     "masses.spread=1": "masses.spread = 1.0: must be >= 0 and < 1",
     "masses.spread=nan": "masses.spread",
-    "first=1048570": "draws are numbered below 1048576",
-    "initial.draw=-1": "must be >= 0",
+    "first=1048570": "draws must be >= 0 and < 2^20",
+    "initial.draw=-1": "draws must be >= 0 and < 2^20",
     "initial.weights_file=nowhere.npz": "does not exist",
     "seed=-1": "seed = -1",
     "horizon=0": "horizon = 0",

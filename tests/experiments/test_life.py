@@ -34,6 +34,7 @@ COMMANDS = {
 }
 #: Killed fewer times: they go on in the same ways.
 OTHERS = {
+    "ensemble": ["ensemble", "horizon=1", "rollouts=40", "chunk=10", "workers=1"],
     "gradient_report": [
         *("gradient_report", "horizon=0.1", "draws=2", "names=[error_gain]", "steps=[0.1]"),
         *("temperatures=[]", "horizons=[]"),
@@ -220,7 +221,7 @@ def test_killed_and_repeated_a_run_is_that_of_the_undisturbed(tmp_path: Path) ->
 def test_killed_at_many_moments(name: str, tmp_path: Path) -> None:
     draw = np.random.default_rng(len(name))
     kills = 25 if name in COMMANDS else 4
-    kill_and_repeat(tmp_path, name, draw.uniform(0.3, 1.0, kills).tolist())
+    kill_and_repeat(tmp_path, name, draw.uniform(0.4, 1.0, kills).tolist())
 
 
 @pytest.mark.slow

@@ -56,6 +56,12 @@ class Odeint(Solver):
             raise ConfigError(f"max_step = {max_step}: must be finite and > 0")
         self.method, self.rtol, self.atol = method, rtol, atol
         self.max_step, self.max_evaluations = max_step or dt, max_evaluations
+        # torchdiffeq lays out all inner steps before the first evaluation: memory, not time, ends.
+        if dt > max_evaluations * self.max_step:
+            raise ConfigError(
+                f"max_step = {max_step}: dt = {dt} takes over {max_evaluations} inner steps "
+                "(max_evaluations)"
+            )
 
     @property
     def name(self) -> str:
