@@ -77,7 +77,7 @@ def run_alone() -> str:
     """The `simulate` command of one rollout, but for its draw and masses."""
     own = {field.name for field in dataclasses.fields(EnsembleConfig)}
     own -= {field.name for field in dataclasses.fields(SimulateConfig)}
-    own |= {"run_dir", "initial.draw", "plant.masses"}
+    own |= {"run_dir", "output", "initial.draw", "plant.masses"}
     kept = []
     for override in map(as_typed, HydraConfig.get().overrides.task):
         name = override.lstrip("+~").partition("=")[0]

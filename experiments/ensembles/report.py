@@ -49,7 +49,8 @@ def write_ensembles(
     page += [note] if note else []
     figures = {}
     if output.figures:
-        title = "; ".join(dict.fromkeys(told.title for told in ensembles.values()))
+        titles = {told.title for told in ensembles.values()}
+        title = titles.pop() if len(titles) == 1 else f"{len(ensembles)} ensembles"
         rollouts = {name: told.rollouts for name, told in ensembles.items()}
         figures["histogram"] = histogram(rollouts, title)
     save_all(folder, figures, output)
