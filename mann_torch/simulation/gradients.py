@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ..checks import choice, instance
 from ..errors import ConfigError
 from ..functional import Numbers
 from .closed_loop import ClosedLoop
@@ -17,9 +18,9 @@ GRADIENTS = ("plain", "hybrid", "soft")
 
 
 def check_gradient(gradient: str, solver: Solver, temperature: Numbers | None = None) -> None:
-    """Raise `ConfigError` for an unknown name, or what it cannot have or lacks."""
-    if gradient not in GRADIENTS:
-        raise ConfigError(f"gradient = '{gradient}': choose from {', '.join(GRADIENTS)}")
+    """Raise `ConfigError` for an unknown name, or what it cannot have or lacks; `KindError`."""
+    choice("gradient", gradient, GRADIENTS)
+    instance("solver", solver, Solver)
     if (temperature is not None) != (gradient == "soft"):
         raise ConfigError(f"gradient = '{gradient}': temperature belongs to 'soft', which needs it")
     if gradient == "hybrid" and type(solver) is not Implicit:

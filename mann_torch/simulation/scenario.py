@@ -8,11 +8,12 @@ from dataclasses import dataclass, field, replace
 import torch
 from torch import Tensor
 
+from ..checks import instance, named, several, text, whole, wrong
 from ..errors import ConfigError, ShapeError
 from ..functional import as_float64
 from ..plants.plant import Parameters
 from ..signals import MeasurementNoise, PiecewiseConstant, Reference
-from ..trees import leaves, map_tensors
+from ..trees import leaf_names, leaves, map_tensors
 from ..types import PlantState
 
 
@@ -29,7 +30,8 @@ class Scenario:
     state at t = 0, at rest at q = 0 if not given. `noise` is what the sensors add.
 
     Raises `ConfigError` for a horizon that is not finite and > 0 or a schedule of an unknown
-    field, `ShapeError` where batch shapes do not broadcast.
+    field, `ShapeError` where batch shapes do not broadcast, `KindError` or `DtypeError` for a part
+    of a wrong type.
     """
 
     reference: Reference
@@ -41,19 +43,33 @@ class Scenario:
     name: str = "scenario"
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "horizon", as_float64(self.horizon, "horizon"))
+        self.check()
+
+    def check(self) -> None:
+        """Raise, as on making, for parts that do not fit (any more): tensors can be written to."""
+        text("name", self.name)
+        instance("reference", self.reference, Reference)
+        if not hasattr(self.parameters, "_fields"):
+            raise wrong("parameters", self.parameters, "a NamedTuple of tensors, one row a sample")
+        for name, leaf in zip(leaf_names(self.parameters), leaves(self.parameters), strict=True):
+            if leaf.is_floating_point():
+                as_float64(leaf, f"parameters.{name}")
         horizon = as_float64(self.horizon, "horizon")
         if not bool((torch.isfinite(horizon) & (horizon > 0)).all()):
             raise ConfigError(f"horizon = {horizon.tolist()}: must be finite and > 0")
-        object.__setattr__(self, "horizon", horizon)
-        for name, schedule in self.schedule.items():
-            if not isinstance(schedule, PiecewiseConstant):
-                raise ConfigError(f"schedule of '{name}': give a PiecewiseConstant")
+        for name, schedule in named("schedule", self.schedule, PiecewiseConstant).items():
+            schedule.check(f"schedule of '{name}':")
             if name not in self.parameters._fields:
                 raise ConfigError(
                     f"schedule of '{name}': the plant has {', '.join(self.parameters._fields)}"
                 )
+        if self.noise is not None:
+            instance("noise", self.noise, MeasurementNoise).check()
+        if self.start is not None:
+            instance("start", self.start, PlantState)
         for leaf in self.start or ():
-            if not bool(torch.isfinite(as_float64(leaf, "start")).all()):
+            if not bool(torch.isfinite(as_float64(instance("start", leaf, Tensor), "start")).all()):
                 raise ConfigError(f"start = {leaf.tolist()}: must be finite")
             if leaf.shape[-1:] != (self.reference.n_joints,):
                 raise ShapeError(f"start of shape {tuple(leaf.shape)}: give one number a joint")
@@ -110,8 +126,8 @@ class Scenario:
         )
 
     def select(self, members: Sequence[int]) -> Scenario:
-        """Some members of the first batch dimension."""
-        rows, full = list(members), self.expanded()
+        """Some members of the first batch dimension. Raises `KindError`."""
+        rows, full = [whole("members", i, least=None) for i in members], self.expanded()
         return replace(
             full,
             reference=full.reference.select(rows),
@@ -129,6 +145,7 @@ class Scenario:
         All must be of the same batch shape, the same kind of reference and the same scheduled
         fields, all with noise or none. Raises `ConfigError` otherwise.
         """
+        scenarios = several("scenarios", scenarios, Scenario)
         kinds = {
             (
                 type(s.reference),

@@ -9,6 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from ..checks import function, instance, number
 from ..errors import ConfigError, SolverError
 from ..trees import leaves, map_tensors
 from .coordinates import Coordinates
@@ -28,6 +29,8 @@ class Tuner:
     Every iteration draws from a generator seeded by its own number: a run that is loaded from
     `state_dict` goes on exactly as if it had never stopped. `objective` is an `Objective` or, with
     a judge and limits of one's own, a `Criterion`.
+
+    Raises `ConfigError`, `KindError`.
     """
 
     ensemble: Ensemble
@@ -39,6 +42,13 @@ class Tuner:
     history: list[dict[str, Any]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
+        instance("ensemble", self.ensemble, Ensemble)
+        instance("coordinates", self.coordinates, Coordinates)
+        function("objective", self.objective)
+        function("objective.measure", getattr(self.objective, "measure", None))
+        instance("gradient", self.gradient, GradientSettings)
+        instance("schedule", self.schedule, Schedule)
+        instance("history", self.history, list)
         self.gradient.check(len(self.ensemble), self.coordinates, self.schedule.minibatch)
         self.z = torch.zeros(self.coordinates.size, dtype=torch.float64, requires_grad=True)
         self._start: dict[float | None, Any] = {}
@@ -110,6 +120,7 @@ class Tuner:
         Where that contains 0, nothing told the tuner where to take a coordinate. (Later on an
         optimum is near, where it should.)
         """
+        share = number("share", share)
         rows = self.history[: max(1, math.ceil(share * len(self.history)))]
         gradient, half = (
             torch.tensor([row[name] for row in rows], dtype=torch.float64).nan_to_num()
@@ -208,7 +219,9 @@ class Tuner:
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on from a saved state. Raises `ConfigError` where it does not fit."""
+        """Go on from a saved state. Raises `ConfigError` where it does not fit, `KindError`."""
+        if not {"z", "optimizer", "history"} <= set(instance("state", state, dict)):
+            raise ConfigError("state: give what `state_dict` gave, z, optimizer and history")
         if state["z"].shape != self.z.shape:
             raise ConfigError(
                 f"checkpoint of {len(state['z'])} coordinates, this run has {len(self.z)}"
