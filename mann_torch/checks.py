@@ -100,18 +100,21 @@ def whole(name: str, size: Any, least: int | None = 1) -> int:
     return count
 
 
-def sizes(name: str, shape: Any, single: bool = True) -> tuple[int, ...]:
-    """Whole numbers >= 0, or with `single` one alone, as a tuple. Raises `KindError`."""
+def sizes(name: str, shape: Any, single: bool = True, signed: bool = False) -> tuple[int, ...]:
+    """Whole numbers, >= 0 if not `signed`, or with `single` one alone, as a tuple.
+
+    Raises `KindError`.
+    """
+    wanted = "whole numbers" if signed else "whole numbers >= 0"
     many = isinstance(shape, Iterable) and not isinstance(shape, str | bytes | Mapping)
     if not many and not (single and is_whole(shape)):
-        wanted = "a whole number >= 0, or several" if single else "a sequence of whole numbers >= 0"
-        raise wrong(name, shape, wanted)
+        raise wrong(name, shape, f"a sequence of {wanted}" + ", or one" * single)
     try:
         found: tuple[Any, ...] = tuple(shape) if many else (shape,)
     except TypeError:  # a tensor of no dimension
         found = (None,)
-    if any(not is_whole(size) or size < 0 for size in found):
-        raise wrong(name, shape, "whole numbers >= 0")
+    if any(not is_whole(size) or (size < 0 and not signed) for size in found):
+        raise wrong(name, shape, wanted)
     return tuple(x if isinstance(x, torch.SymInt) else operator.index(x) for x in found)  # type: ignore[misc]
 
 

@@ -232,10 +232,13 @@ class DesignModule(nn.Module):
         super()._load_from_state_dict(state_dict, prefix, *arguments)
 
     def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Any:
-        """`.to(device)` moves; `.float()` and the like leave what is float64 as it is."""
+        """`.to(device)` moves, `.double()` mends; `.float()` and the like leave what is finer."""
 
         def keep(tensor: Tensor) -> Tensor:
             moved = fn(tensor)
-            return moved if moved.dtype == tensor.dtype else tensor.to(moved.device)
+            floats = tensor.is_floating_point() and moved.is_floating_point()
+            if moved.dtype == tensor.dtype or (floats and moved.itemsize > tensor.itemsize):
+                return moved
+            return tensor.to(moved.device)
 
         return super()._apply(keep, recurse)

@@ -110,7 +110,7 @@ class WorkingMemory(DesignModule):
 
         `correction` (..., N) is W h_e'. Raises `ShapeError`, `DtypeError`.
         """
-        self._check(hidden, context, memory, mode, correction)
+        self._check(hidden, context, (memory, mode), corrections=(correction,))
         weights = self._attend(hidden, context, memory, mode)
         target = self.write_gain.unsqueeze(-1) * hidden + correction
         d_mu = weights.unsqueeze(-1) * (target.unsqueeze(-2) - memory.mu)
@@ -125,7 +125,7 @@ class WorkingMemory(DesignModule):
         The reset slot gets c_w sigma or sigma (`reset`) and a fresh key; no other slot changes.
         Raises `ShapeError`, `DtypeError`.
         """
-        self._check(hidden, context, memory, mode)
+        self._check(hidden, context, (memory, mode))
         memory, mode = self.reallocate(hidden, context, memory, mode)
         return memory, self.note(self._attend(hidden, context, memory, mode), mode)
 
@@ -221,24 +221,21 @@ class WorkingMemory(DesignModule):
         self,
         hidden: Tensor,
         context: Tensor,
-        memory: MemoryState | None = None,
-        mode: MemoryMode | None = None,
-        correction: Tensor | None = None,
+        *held: tuple[MemoryState, MemoryMode],
+        corrections: tuple[Tensor, ...] = (),
     ) -> None:
         S, N, double = self.n_slots, self.n_hidden, torch.float64
         wide = (self.context_width or instance("context", context, Tensor).shape[-1],)
         rows: list[Row] = [("features", hidden, (N,), double), ("context", context, wide, double)]
-        if memory is not None:
+        for memory, mode in held:
             instance("memory", memory, MemoryState)
+            instance("mode", mode, MemoryMode)
             width = self.initial_keys.shape[-1]
             rows.append(("mu", memory.mu, (S, N), double))
             rows.append(("keys", memory.keys, (S, width), double))
-        if mode is not None:
-            instance("mode", mode, MemoryMode)
             kind = double if self.attention.graded else torch.bool
             rows.append(("active", mode.active, (S,), kind))
             if mode.held is not None:
                 rows.append(("held weights", mode.held, (S,), double))
-        if correction is not None:
-            rows.append(("correction", correction, (N,), double))
+        rows += [("correction", each, (N,), double) for each in corrections]
         check_together(rows)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import torch
 from torch import Tensor
 
-from ..checks import instance, named, several, text, whole, wrong
+from ..checks import instance, named, several, sizes, text, wrong
 from ..errors import ConfigError, ShapeError
 from ..functional import as_float64
 from ..plants.plant import Parameters
@@ -127,7 +127,7 @@ class Scenario:
 
     def select(self, members: Sequence[int]) -> Scenario:
         """Some members of the first batch dimension. Raises `KindError`."""
-        rows, full = [whole("members", i, least=None) for i in members], self.expanded()
+        rows, full = list(sizes("members", members, False, signed=True)), self.expanded()
         return replace(
             full,
             reference=full.reference.select(rows),

@@ -11,7 +11,7 @@ from typing import NamedTuple, cast
 import torch
 from torch import Tensor
 
-from ..checks import NONNEGATIVE, POSITIVE, choice, instance, maybe, named, text, whole
+from ..checks import NONNEGATIVE, POSITIVE, choice, instance, maybe, named, sizes, text
 from ..constraints import DesignModule
 from ..functional import as_float64
 from ..metrics import peak_torque, srmse, torque_rate
@@ -79,7 +79,7 @@ class Ensemble:
 
     def select(self, members: Sequence[int]) -> Ensemble:
         """Some of the members. Raises `KindError`."""
-        chosen = [whole("members", i, least=None) for i in members]
+        chosen = list(sizes("members", members, False, signed=True))
         return dataclasses.replace(
             self,
             scenario=self.scenario.select(chosen),

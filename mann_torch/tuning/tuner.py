@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ..checks import function, instance, number
+from ..checks import function, instance, number, several
 from ..errors import ConfigError, SolverError
 from ..trees import leaves, map_tensors
 from .coordinates import Coordinates
@@ -48,7 +48,7 @@ class Tuner:
         function("objective.measure", getattr(self.objective, "measure", None))
         instance("gradient", self.gradient, GradientSettings)
         instance("schedule", self.schedule, Schedule)
-        instance("history", self.history, list)
+        several("history", instance("history", self.history, list), dict)
         self.gradient.check(len(self.ensemble), self.coordinates, self.schedule.minibatch)
         self.z = torch.zeros(self.coordinates.size, dtype=torch.float64, requires_grad=True)
         self._start: dict[float | None, Any] = {}
@@ -222,12 +222,16 @@ class Tuner:
         """Go on from a saved state. Raises `ConfigError` where it does not fit, `KindError`."""
         if not {"z", "optimizer", "history"} <= set(instance("state", state, dict)):
             raise ConfigError("state: give what `state_dict` gave, z, optimizer and history")
-        if state["z"].shape != self.z.shape:
+        several("history", instance("history", state["history"], list), dict)
+        if instance("z", state["z"], Tensor).shape != self.z.shape:
             raise ConfigError(
                 f"checkpoint of {len(state['z'])} coordinates, this run has {len(self.z)}"
             )
         with torch.no_grad():
             self.z.copy_(state["z"])
         if self._optimizer is not None:
-            self._optimizer.load_state_dict(state["optimizer"])
+            try:
+                self._optimizer.load_state_dict(state["optimizer"])
+            except (KeyError, TypeError, ValueError, AttributeError) as error:
+                raise ConfigError(f"state: its optimizer does not fit: {error!r}") from None
         self.history = list(state["history"])
