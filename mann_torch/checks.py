@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from numbers import Real
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -100,22 +100,30 @@ def whole(name: str, size: Any, least: int | None = 1) -> int:
     return count
 
 
+def elements(value: Any) -> list[Any] | None:
+    """What a sequence holds; None of what is no sequence: a string, a mapping, a lone tensor."""
+    if not isinstance(value, Iterable) or isinstance(value, str | bytes | Mapping):
+        return None
+    try:
+        return list(value)
+    except TypeError:  # a tensor of no dimension
+        return None
+
+
 def sizes(name: str, shape: Any, single: bool = True, signed: bool = False) -> tuple[int, ...]:
     """Whole numbers, >= 0 if not `signed`, or with `single` one alone, as a tuple.
 
     Raises `KindError`.
     """
     wanted = "whole numbers" if signed else "whole numbers >= 0"
-    many = isinstance(shape, Iterable) and not isinstance(shape, str | bytes | Mapping)
-    if not many and not (single and is_whole(shape)):
-        raise wrong(name, shape, f"a sequence of {wanted}" + ", or one" * single)
-    try:
-        found: tuple[Any, ...] = tuple(shape) if many else (shape,)
-    except TypeError:  # a tensor of no dimension
-        found = (None,)
+    found = elements(shape)
+    if found is None:
+        if not (single and is_whole(shape)):
+            raise wrong(name, shape, f"a sequence of {wanted}" + ", or one" * single)
+        found = [shape]
     if any(not is_whole(size) or (size < 0 and not signed) for size in found):
         raise wrong(name, shape, wanted)
-    return tuple(x if isinstance(x, torch.SymInt) else operator.index(x) for x in found)  # type: ignore[misc]
+    return tuple(x if isinstance(x, torch.SymInt) else operator.index(x) for x in found)
 
 
 def flag(name: str, value: Any) -> bool:
@@ -156,10 +164,11 @@ def function(name: str, value: Any) -> None:
 
 
 def several(name: str, value: Any, kind: Callable[..., Kind], wanted: str = "") -> list[Kind]:
-    """A sequence of instances of `kind`, not a string, as a list. Raises `KindError`."""
-    if not isinstance(value, Sequence) or isinstance(value, str | bytes):
+    """Instances of `kind` in a row, of which a string is none, as a list. Raises `KindError`."""
+    rows = elements(value)
+    if rows is None:
         raise wrong(name, value, f"a sequence of {wanted or kind.__name__}")
-    return [instance(f"{name}[{i}]", each, kind, wanted) for i, each in enumerate(value)]
+    return [instance(f"{name}[{i}]", each, kind, wanted) for i, each in enumerate(rows)]
 
 
 def named(name: str, value: Any, kind: Callable[..., Kind]) -> dict[str, Kind]:

@@ -27,6 +27,7 @@ SAID = {
     ("Coordinates", "matrix_form"): "matrix form",
     ("WorkingMemory.initial_state", "hidden"): "features",
     ("WorkingMemory.forward", "hidden"): "features",
+    ("DesignModule.tune", "names"): "no design constant",
     ("DesignModule.share", "name"): "no design constant",
     ("DesignModule.share", "tensor"): "rate_W",
     ("DesignModule.declare", "value"): "own",

@@ -13,12 +13,22 @@ from ..errors import ConfigError, ShapeError
 from ..functional import as_float64
 from ..plants.plant import Parameters
 from ..signals import MeasurementNoise, PiecewiseConstant, Reference
-from ..trees import leaf_names, leaves, map_tensors
+from ..trees import leaves, map_tensors
 from ..types import PlantState
 
 
 def _expand(leaf: Tensor, batch: torch.Size, event_dims: int) -> Tensor:
     return leaf.expand(*batch, *leaf.shape[-event_dims:])
+
+
+def _check_tensors(name: str, tree: Parameters) -> None:
+    """Raise `KindError` or `DtypeError` for a leaf that is no tensor, or no float64 one."""
+    for field_name, leaf in zip(tree._fields, tree, strict=True):
+        path = f"{name}.{field_name}"
+        if hasattr(leaf, "_fields"):
+            _check_tensors(path, leaf)
+        elif leaf is not None and instance(path, leaf, Tensor).is_floating_point():
+            as_float64(leaf, path)
 
 
 @dataclass(frozen=True)
@@ -52,9 +62,7 @@ class Scenario:
         instance("reference", self.reference, Reference)
         if not hasattr(self.parameters, "_fields"):
             raise wrong("parameters", self.parameters, "a NamedTuple of tensors, one row a sample")
-        for name, leaf in zip(leaf_names(self.parameters), leaves(self.parameters), strict=True):
-            if leaf.is_floating_point():
-                as_float64(leaf, f"parameters.{name}")
+        _check_tensors("parameters", self.parameters)
         horizon = as_float64(self.horizon, "horizon")
         if not bool((torch.isfinite(horizon) & (horizon > 0)).all()):
             raise ConfigError(f"horizon = {horizon.tolist()}: must be finite and > 0")
