@@ -123,7 +123,8 @@ def sizes(name: str, shape: Any, single: bool = True, signed: bool = False) -> t
         found = [shape]
     if any(not is_whole(size) or (size < 0 and not signed) for size in found):
         raise wrong(name, shape, wanted)
-    return tuple(x if isinstance(x, torch.SymInt) else operator.index(x) for x in found)
+    symbol: Any = torch.SymInt  # of torch.export, which stands for an int
+    return tuple(x if isinstance(x, symbol) else operator.index(x) for x in found)
 
 
 def flag(name: str, value: Any) -> bool:
