@@ -9,7 +9,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ..checks import flag, function, named
+from ..checks import POSITIVE, flag, function, named, number
 from ..errors import ConfigError
 from ..simulation import Status, Trajectory
 from .judges import Judge, Recording, recording_of, worth
@@ -30,8 +30,7 @@ class Limit:
 
     def __post_init__(self) -> None:
         function("limit quantity", self.quantity)
-        check_weight("limit bound", self.bound)
-        check_limit("limit bound", self.bound)
+        number("limit bound", self.bound, POSITIVE)
         flag("limit relative", self.relative)
 
 
