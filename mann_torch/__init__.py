@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         DomainError,
         DtypeError,
         KernelError,
+        KindError,
         MannError,
         RecordError,
         ShapeError,
@@ -67,6 +68,7 @@ __all__ = [
     "Implicit",
     "KernelError",
     "KeyRule",
+    "KindError",
     "MannController",
     "MannError",
     "MeasurementNoise",
@@ -131,7 +133,7 @@ def __getattr__(name: str) -> Any:
             if hasattr(module, name):
                 value = globals()[name] = getattr(module, name)
                 return value
-    if name in (*_PARTS, "constraints", "functional", "statistics", "trees", "tuning"):
+    if name in (*_PARTS, "checks", "constraints", "functional", "statistics", "trees", "tuning"):
         return import_module(f"{__name__}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

@@ -14,6 +14,7 @@ from typing import Any, cast
 import torch
 from torch import Tensor, nn
 
+from .checks import instance, sizes, text
 from .errors import ConfigError, DomainError, ShapeError
 from .functional import Numbers, as_float64
 
@@ -106,9 +107,10 @@ class DesignModule(nn.Module):
     def declare(
         self, name: str, value: Numbers, domain: Domain, event_shape: tuple[int, ...] = ()
     ) -> None:
-        """Add the constant `name`, shape (...,) plus `event_shape`."""
+        """Add the constant `name`, shape (...,) plus `event_shape`. Raises as `initialize`."""
+        shape = torch.Size(sizes("event_shape", event_shape))
+        tensor = _checked(text("name", name), value, instance("domain", domain, Domain), shape)
         self._domains[name] = domain
-        tensor = _checked(name, value, domain, torch.Size(event_shape))
         self.register_parameter(name, nn.Parameter(tensor, requires_grad=False))
 
     def _owners(self) -> Iterator[tuple[str, DesignModule]]:
@@ -172,9 +174,12 @@ class DesignModule(nn.Module):
         self.register_parameter(name, nn.Parameter(value, requires_grad=grad))
 
     def share(self, name: str, tensor: Tensor) -> None:
-        """Let the constant `name` be this very tensor, so that gradients reach it. Checked."""
+        """Let the constant `name` be this very tensor, so that gradients reach it.
+
+        Raises `ConfigError` for an unknown name, `KindError`, `DtypeError` or `DomainError`.
+        """
         owner = self.owner(name)
-        owner._domains[name].check(name, as_float64(tensor, name).detach())
+        owner._domains[name].check(name, as_float64(instance(name, tensor, Tensor), name).detach())
         delattr(owner, name)
         setattr(owner, name, tensor)
 
@@ -227,10 +232,13 @@ class DesignModule(nn.Module):
         super()._load_from_state_dict(state_dict, prefix, *arguments)
 
     def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Any:
-        """`.to(device)` moves; `.float()` and the like leave what is float64 as it is."""
+        """`.to(device)` moves, `.double()` mends; `.float()` and the like leave what is finer."""
 
         def keep(tensor: Tensor) -> Tensor:
             moved = fn(tensor)
-            return moved if moved.dtype == tensor.dtype else tensor.to(moved.device)
+            floats = tensor.is_floating_point() and moved.is_floating_point()
+            if moved.dtype == tensor.dtype or (floats and moved.itemsize > tensor.itemsize):
+                return moved
+            return tensor.to(moved.device)
 
         return super()._apply(keep, recurse)

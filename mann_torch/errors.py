@@ -9,6 +9,10 @@ class ConfigError(MannError, ValueError):
     """A setting is missing, malformed or outside its domain."""
 
 
+class KindError(ConfigError, TypeError):
+    """An argument is of the wrong type; the message names it and says what is wanted."""
+
+
 class DomainError(ConfigError):
     """A design constant or physical quantity lies outside its domain."""
 

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .checks import named, text, wrong
+from .errors import ConfigError
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -27,12 +30,24 @@ def memory_figure(
     `reset`. `t` (T,) are their times, 0, 1, 2 ... if not given; `marks` times at which the task
     changed. For TensorBoard: `writer.add_figure("memory", memory_figure({"cell": member}))`.
 
+    Raises `ConfigError` for no run or one without its arrays, `KindError`.
+
     >>> import torch
     >>> from mann_torch.memory import MemoryCell, MemorySequence
     >>> trace = MemorySequence(MemoryCell(3, 8)).trace(torch.zeros(7, 2, 3))
     >>> len(memory_figure({"second": trace.member(1)}).axes)
     4
     """
+    named("runs", runs, Mapping)
+    if not runs or not all({"weights", "mu", "reset"} <= set(run) for run in runs.values()):
+        raise ConfigError("runs: give at least one, each with `weights`, `mu` and `reset`")
+    for key, run in runs.items():
+        for name in ("weights", "mu", "reset"):
+            if not isinstance(run[name], np.ndarray):
+                raise wrong(f"runs[{key!r}][{name!r}]", run[name], "an array")
+    t = None if t is None else _numbers("t", t)
+    lines = _numbers("marks", marks).tolist()
+    title, t_label = text("title", title), text("t_label", t_label)
     blocks = -(-len(runs) // COLUMNS)
     columns = -(-len(runs) // blocks)
     from matplotlib.figure import Figure
@@ -47,7 +62,7 @@ def memory_figure(
         _contents(bottom, run, when)
         bottom.set_xlabel(t_label)
         for ax in (top, bottom):
-            for mark in marks:
+            for mark in lines:
                 ax.axvline(mark, color="0.3", lw=0.5, ls=":")
     for place in range(len(runs), blocks * columns):
         block, column = divmod(place, columns)
@@ -55,6 +70,14 @@ def memory_figure(
         axes[2 * block + 1][column].remove()
     figure.suptitle(title)
     return figure
+
+
+def _numbers(name: str, given: object) -> np.ndarray:
+    """A row of numbers as an array. Raises `KindError`."""
+    row = np.asarray(given)
+    if row.ndim != 1 or (len(row) and row.dtype.kind not in "fiu"):
+        raise wrong(name, given, "a row of numbers")
+    return row
 
 
 def _attention(ax: Axes, run: Mapping[str, np.ndarray], t: np.ndarray, name: str) -> None:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from .errors import ConfigError, DtypeError
+from .checks import shown, wrong
+from .errors import ConfigError, DtypeError, KindError
 
 Numbers = float | Sequence[float] | Sequence[Sequence[float]] | Tensor
 
@@ -15,7 +16,8 @@ Numbers = float | Sequence[float] | Sequence[Sequence[float]] | Tensor
 def as_float64(value: Numbers, what: str = "value") -> Tensor:
     """Return `value` as a float64 tensor.
 
-    Raises `DtypeError` for a tensor of another dtype, `ConfigError` for what is no number.
+    Raises `DtypeError` for a tensor of another dtype, `KindError` for what is no number (a bool is
+    none), `ConfigError` for rows of unequal length.
 
     A tensor that requires grad is passed through, so that gradients reach it.
     """
@@ -26,10 +28,22 @@ def as_float64(value: Numbers, what: str = "value") -> Tensor:
                 "(float32 time has steps of 3e-5 s at t = 329 s): convert it with .double()"
             )
         return value
+    if _has_bool(value):
+        raise wrong(what, value, "numbers, and a bool is none")
     try:
         return torch.tensor(value, dtype=torch.float64)
-    except (TypeError, ValueError) as error:
-        raise ConfigError(f"{what} = {value!r} is not made of numbers in rows: {error}") from None
+    except TypeError as error:
+        raise KindError(f"{what} = {shown(value)} is not made of numbers: {error}") from None
+    except (ValueError, OverflowError, RuntimeError) as error:
+        raise ConfigError(
+            f"{what} = {shown(value)} is not made of numbers in rows: {error}"
+        ) from None
+
+
+def _has_bool(value: object) -> bool:
+    if isinstance(value, list | tuple):
+        return any(map(_has_bool, value))
+    return isinstance(value, bool) or "bool" in str(getattr(value, "dtype", ""))
 
 
 def number_by_number(x: Tensor) -> Tensor:

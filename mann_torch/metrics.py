@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from .checks import instance, maybe
 from .errors import RecordError
 from .simulation import Effort, Motion, Outcome, Status
 from .simulation.step_grid import MERGE, counted_in, shares_of
@@ -19,8 +20,10 @@ def srmse(trajectory: Outcome, after: float | None = None) -> Tensor:
     tables print 10^3 times this. With `motion_dt`, an error after `after` of less than 1e-7 of the
     whole is lost in rounding.
 
-    Raises `RecordError` where no motion was kept at `after`.
+    Raises `RecordError` where no motion was kept at `after`, `KindError`.
     """
+    instance("trajectory", trajectory, Outcome)
+    after = maybe("after", after)
     step_t, horizon = trajectory.step_t, trajectory.horizon
     total, shares = trajectory.squared_error[-1], shares_of(step_t)
     if after is not None:
@@ -96,9 +99,10 @@ def peak_torque(trajectory: Outcome) -> Tensor:
 
 
 def _effort(trajectory: Outcome) -> Effort:
-    if trajectory.effort is None:
+    effort = instance("trajectory", trajectory, Outcome).effort
+    if effort is None:
         raise RecordError("effort was not measured: give rollout an `effort_after`")
-    return trajectory.effort
+    return effort
 
 
 def _root_mean(total: Tensor, length: Tensor, ok: Tensor) -> Tensor:
@@ -121,7 +125,7 @@ def switches(trajectory: Outcome) -> Tensor:
 
 
 def _count(trajectory: Outcome, name: str) -> Tensor:
-    if trajectory.final_mode is None:
+    if instance("trajectory", trajectory, Outcome).final_mode is None:
         return torch.zeros_like(trajectory.status)
     count: Tensor = getattr(trajectory.final_mode, name)
     return count

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-BASE = {"errors", "types", "functional", "constraints", "trees"}
+BASE = {"errors", "checks", "types", "functional", "constraints", "trees"}
 ALLOWED = {
     "memory": BASE,
     "control": BASE | {"memory"},

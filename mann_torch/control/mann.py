@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
+from ..checks import instance, whole
 from ..errors import ConfigError
 from ..functional import Numbers, frobenius, number_by_number, per_matrix, times_column
 from ..memory import WorkingMemory
@@ -38,7 +39,7 @@ class MannController(Controller):
     memory's `write_gain` (c_w), `shift_threshold` (theta), `key_rate` (c_k) where it has them.
 
     Raises `ConfigError` when the memory's N differs from `n_hidden`, `DomainError` for a constant
-    outside its domain.
+    outside its domain, `KindError` for an argument of a wrong type.
     """
 
     def __init__(
@@ -56,7 +57,8 @@ class MannController(Controller):
         initial_std: float = 0.1,
     ) -> None:
         super().__init__()
-        if memory is not None and memory.n_hidden != n_hidden:
+        n_joints, n_hidden = whole("n_joints", n_joints), whole("n_hidden", n_hidden)
+        if memory is not None and instance("memory", memory, WorkingMemory).n_hidden != n_hidden:
             raise ConfigError(
                 f"the memory stores N = {memory.n_hidden} numbers a slot, the network has "
                 f"N = {n_hidden} neurons: they must be equal"

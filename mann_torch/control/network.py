@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
+from ..checks import NONNEGATIVE, instance, number, sizes, whole
 from ..constraints import DesignModule, NonNegative
 from ..errors import ConfigError, ShapeError
 from ..functional import Numbers, as_float64, outer, row_times
@@ -20,7 +21,7 @@ class AdaptiveNetwork(DesignModule):
     from a normal law of standard deviation `initial_std` (0 would keep all neurons identical).
     The buffers `initial_V` (I, N) and `initial_b_v` (N,) hold one such draw.
 
-    Raises `ConfigError` for fewer than one neuron or a negative `initial_std`.
+    Raises `KindError`, and `ConfigError` for sizes below 1 or a negative `initial_std`.
     """
 
     def __init__(
@@ -34,12 +35,9 @@ class AdaptiveNetwork(DesignModule):
         initial_std: float = 0.1,
     ) -> None:
         super().__init__()
-        if n_hidden < 1:
-            raise ConfigError(f"n_hidden = {n_hidden}: the network needs at least 1 neuron (N)")
-        if not 0.0 <= initial_std < float("inf"):
-            raise ConfigError(f"initial_std = {initial_std}: must be finite and >= 0")
-        self.n_inputs, self.n_hidden, self.n_outputs = n_inputs, n_hidden, n_outputs
-        self.initial_std = initial_std
+        self.n_inputs, self.n_hidden = whole("n_inputs", n_inputs), whole("n_hidden", n_hidden)
+        self.n_outputs = whole("n_outputs", n_outputs)
+        self.initial_std = number("initial_std", initial_std, NONNEGATIVE)
         self.rate_W: Tensor
         self.rate_V: Tensor
         self.e_modification: Tensor
@@ -68,14 +66,19 @@ class AdaptiveNetwork(DesignModule):
     def initial_state(
         self, batch_shape: Sequence[int], generator: torch.Generator | None = None
     ) -> NetworkState:
-        """Weights at t = 0 for a batch: random from the generator, or the stored draw."""
+        """Weights at t = 0 for a batch: random from the generator, or the stored draw.
+
+        Raises `KindError`.
+        """
+        batch_shape = sizes("batch_shape", batch_shape)
         if generator is not None:
-            return self._draw(batch_shape, generator)
+            return self._draw(batch_shape, instance("generator", generator, torch.Generator))
         V = self.initial_V.expand(*batch_shape, -1, -1)
         return self.from_inner_weights(V, self.initial_b_v.expand(*batch_shape, -1))
 
     def check_state(self, state: NetworkState) -> None:
         """Raise for weights of the wrong shape, of a dtype but float64, or not finite."""
+        instance("network", state, NetworkState)
         n_inputs, n_hidden, n_outputs = self.n_inputs, self.n_hidden, self.n_outputs
         events = [(n_hidden, n_outputs), (n_outputs,), (n_inputs, n_hidden), (n_hidden,)]
         for (name, leaf), event in zip(state._asdict().items(), events, strict=True):
@@ -143,6 +146,10 @@ def equal_parameter_hidden(n_inputs: int, n_outputs: int, n_hidden: int, n_slots
     The memory counts n_s N numbers (paper, scenario 1). With I inputs, n outputs, N neurons and
     S slots the controller with memory has N (I + 1 + n + S) + n parameters; the plain network has
     N' (I + 1 + n) + n. The nearest whole N' is returned: 14 for the paper's arm.
+
+    Raises `KindError`, and `ConfigError` for a size below 1 or fewer than no slots.
     """
+    n_inputs, n_outputs = whole("n_inputs", n_inputs), whole("n_outputs", n_outputs)
+    n_hidden, n_slots = whole("n_hidden", n_hidden), whole("n_slots", n_slots, least=0)
     per_neuron = n_inputs + 1 + n_outputs
     return round(n_hidden * (per_neuron + n_slots) / per_neuron)

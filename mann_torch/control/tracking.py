@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from torch import Tensor
 
+from ..checks import whole
 from ..constraints import DesignModule, SymmetricPositiveDefinite
 from ..functional import Numbers, times_column
 from ..types import Measurement, ReferenceSample, TrackingError
@@ -17,6 +18,7 @@ class FilteredTracking(DesignModule):
 
     def __init__(self, n_joints: int, error_gain: Numbers = 5.0) -> None:
         super().__init__()
+        n_joints = whole("n_joints", n_joints)
         self.error_gain: Tensor
         self.declare("error_gain", error_gain, SymmetricPositiveDefinite(), (n_joints, n_joints))
 

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, cast
 
 import torch
 from torch import Tensor, nn
 
+from ..checks import flag, instance, sizes, whole
 from ..constraints import DesignModule, Positive
 from ..errors import DtypeError
 from ..functional import Numbers
 from ..types import MemoryOutput, MemoryState
 from .attention import Attention
 from .cell_state import Attended, CellState, check_state, even, state_of
-from .checks import Sizes, autocast_is_on, check_tensor, check_within, common_batch, sizes, whole
+from .checks import Sizes, autocast_is_on, check_tensor, check_within, common_batch
 from .keys import KeyRule
 from .soft import SoftAttention
 from .stepping import exponential_step
@@ -80,10 +81,8 @@ class MemoryCell(DesignModule):
         super().__init__()
         double, input_size = torch.float64, whole("input_size", input_size)
         hidden_size, n_slots = whole("hidden_size", hidden_size), whole("n_slots", n_slots)
-        if context_size is not None:
-            context_size = whole("context_size", context_size)
-        if output_size is not None:
-            output_size = whole("output_size", output_size)
+        context_size = None if context_size is None else whole("context_size", context_size)
+        output_size = None if output_size is None else whole("output_size", output_size)
         self.input_size, self.hidden_size, self.n_slots = input_size, hidden_size, n_slots
         self.dtype = torch.get_default_dtype() if dtype is None else dtype
         if not isinstance(self.dtype, torch.dtype) or not self.dtype.is_floating_point:
@@ -95,11 +94,11 @@ class MemoryCell(DesignModule):
         )
         if features is None:
             features = nn.Sequential(nn.Linear(input_size, hidden_size), nn.Sigmoid())
-        self.features = features.to(double)
+        self.features = instance("features", features, nn.Module).to(double)
         self.context: nn.Module = nn.Identity()
         if context_size is not None:
             self.context = nn.Linear(input_size, context_size, dtype=double)
-        self.clock = nn.Linear(input_size, 1, dtype=double) if clock else None
+        self.clock = nn.Linear(input_size, 1, dtype=double) if flag("clock", clock) else None
         self.output = None
         if output_size is not None:
             self.output = nn.Linear(hidden_size, output_size, dtype=double)
@@ -162,6 +161,7 @@ class MemoryCell(DesignModule):
 
     def write(self, seen: Attended, correction: Tensor | None = None) -> CellState:
         """The second half: the write law over dt with the weights held. Raises as `forward`."""
+        instance("seen", seen, Attended)
         memory, change = seen.state.memory, seen.d_memory
         if correction is not None:
             mode = seen.state.mode._replace(held=seen.weights)
@@ -174,6 +174,7 @@ class MemoryCell(DesignModule):
 
     def output_of(self, seen: Attended) -> Tensor:
         """h_o (..., N), or W'(sigma + h_o) + b_w (..., output_size), in `dtype`."""
+        instance("seen", seen, Attended)
         out = seen.read if self.output is None else self.output(seen.hidden + seen.read)
         return out.to(self.dtype)
 
@@ -205,15 +206,15 @@ class MemoryCell(DesignModule):
         hidden, context = self._look(x, state)
         return state_of(*self.memory.jump(hidden, context, state.memory, state.mode))
 
-    def _look(self, x: Tensor, state: CellState | None = None) -> tuple[Tensor, Tensor]:
-        """The way in: features and context, float64, of an x and a state that fit."""
+    def _look(self, x: Tensor, *states: CellState) -> tuple[Tensor, Tensor]:
+        """The way in: features and context, float64, of an x and states that fit."""
         check_tensor("x", x, (self.input_size,), None)
         if x.dtype != self.dtype and not autocast_is_on(x.device):
             raise DtypeError(
                 f"x is {x.dtype}, this cell takes {self.dtype}: convert x, or the cell with "
                 f".to({x.dtype})"
             )
-        if state is not None:
+        for state in states:
             self._batch(x, state)
         x = x.to(torch.float64)
         return self.features(x), self.context(x)
@@ -225,7 +226,9 @@ class MemoryCell(DesignModule):
         return common_batch({"x": tuple(x.shape[:-1]), "state": held})
 
     def _span(self, dt: Tensor | float, x: Tensor, state: CellState) -> Tensor:
-        span = torch.as_tensor(dt, dtype=torch.float64) if isinstance(dt, int | float) else dt
+        if isinstance(dt, int | float) and not isinstance(dt, bool):
+            dt = torch.as_tensor(dt, dtype=torch.float64)
+        span = cast(Tensor, dt)  # as is checked next
         check_within("dt", check_tensor("dt", span, (), None), self._batch(x, state))
         return span.to(torch.float64)
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ..errors import ConfigError, ShapeError
+from ..errors import KindError, ShapeError
 from ..trees import portable
 from ..types import MemoryMode, MemoryState
 from .checks import Sizes, check_tensor
@@ -77,11 +77,11 @@ def even(state: CellState) -> CellState:
 def check_state(state: CellState, tails: Sequence[Sizes], graded: bool) -> Sizes:
     """Batch shape of a state whose leaves end in `tails`, in their order.
 
-    Raises `ConfigError` for what is no state, `ShapeError`, `DtypeError` for a leaf that does not
+    Raises `KindError` for what is no state, `ShapeError`, `DtypeError` for a leaf that does not
     fit.
     """
     if not isinstance(state, CellState):
-        raise ConfigError(f"state is {type(state).__name__}, not CellState: use initial_state")
+        raise KindError(f"state is {type(state).__name__}, not CellState: use initial_state")
     double, count = torch.float64, torch.int64
     dtypes = (double, double, double if graded else torch.bool, count, count, count)
     batch: Sizes | None = None

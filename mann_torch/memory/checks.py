@@ -1,41 +1,18 @@
-"""What goes into a memory, checked: named errors instead of tracebacks from inside torch."""
+"""Tensors that go into a memory, checked: their shapes, dtypes and common batch."""
 
 from __future__ import annotations
 
-import operator
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from ..errors import ConfigError, DtypeError, ShapeError
+from ..errors import DtypeError, ShapeError
 
 Sizes = tuple[int, ...]
 #: A tensor's name, the tensor, its last dimensions and its dtype.
 Row = tuple[str, Any, Sizes, torch.dtype | None]
-
-
-def whole(name: str, size: Any) -> int:
-    """A size as an int. Raises `ConfigError` for what is no whole number of at least 1."""
-    try:
-        count = operator.index(size)
-    except TypeError:
-        raise ConfigError(f"{name} = {size!r}: must be a whole number") from None
-    if count < 1:
-        raise ConfigError(f"{name} = {count}: must be at least 1")
-    return count
-
-
-def sizes(name: str, shape: Any) -> Sizes:
-    """A whole number or a sequence of them, each >= 0. Raises `ConfigError`."""
-    try:
-        found = tuple(map(operator.index, shape if isinstance(shape, Iterable) else (shape,)))
-    except TypeError:
-        found = (-1,)
-    if any(size < 0 for size in found):
-        raise ConfigError(f"{name} = {shape!r}: must be a whole number >= 0, or several")
-    return found
 
 
 def check_tensor(name: str, value: Any, tail: Sizes, dtype: torch.dtype | None) -> Sizes:

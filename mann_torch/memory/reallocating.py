@@ -5,8 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from ..checks import choice
 from ..constraints import NonNegative
-from ..errors import ConfigError
 from ..functional import Numbers, one_hot
 from ..types import Comparison, MemoryMode, Shift
 from .attention import Attention
@@ -35,9 +35,7 @@ class ReallocatingAttention(Attention):
 
     def __init__(self, phase: str = "initial", shift_threshold: Numbers = 0.2) -> None:
         super().__init__()
-        if phase not in PHASES:
-            raise ConfigError(f"unknown phase '{phase}'; choose from {', '.join(PHASES)}")
-        self.phase = phase
+        self.phase = choice("phase", phase, PHASES)
         self.shift_threshold: Tensor
         self.declare("shift_threshold", shift_threshold, NonNegative())
 

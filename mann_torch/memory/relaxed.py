@@ -5,8 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from ..checks import choice
 from ..constraints import NonNegative, Positive
-from ..errors import ConfigError
 from ..functional import Numbers, infinity_distances, per_matrix
 from ..types import Comparison, MemoryMode, Shift
 from .attention import Attention
@@ -50,9 +50,7 @@ class RelaxedAttention(Attention):
         self, temperature: Numbers, phase: str | None = None, shift_threshold: Numbers = 0.2
     ) -> None:
         super().__init__()
-        if phase is not None and phase not in PHASES:
-            raise ConfigError(f"unknown phase '{phase}'; choose from {', '.join(PHASES)}, or None")
-        self.phase = phase
+        self.phase = None if phase is None else choice("phase", phase, PHASES)
         self.temperature: Tensor
         self.declare("temperature", temperature, Positive())
         if phase is not None:

@@ -9,6 +9,7 @@ from typing import TypeVar, cast
 import torch
 from torch import nn
 
+from ..checks import instance
 from ..constraints import Positive
 from ..errors import ConfigError
 from ..functional import Numbers, as_float64
@@ -32,8 +33,10 @@ def relaxed(module: Module, temperature: Numbers) -> Module:
 
     T is a float, or a float64 tensor of shape (...,); one that requires grad gets its gradient.
 
-    Raises `DomainError` for T <= 0, `ConfigError` for attention of an unknown kind.
+    Raises `DomainError` for T <= 0, `ConfigError` for attention of an unknown kind,
+    `KindError` for what is no module.
     """
+    instance("module", module, nn.Module)
     Positive().check("temperature", as_float64(temperature, "temperature").detach())
     held = itertools.chain(module.parameters(), module.buffers())
     device = next((tensor.device for tensor in held), torch.device("cpu"))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from ..errors import ConfigError, ShapeError
+from ..checks import flag, instance
+from ..errors import ShapeError
 from .cell import MemoryCell
 from .cell_state import CellState
 from .checks import check_tensor
@@ -16,7 +17,7 @@ class MemorySequence(nn.Module):
     """`outputs, state = sequence(x)` over a whole sequence.
 
     x is (T, ..., I), or (B, T, I) with `batch_first`, as in `nn.LSTM`; outputs likewise. Raises
-    `ConfigError` for what is no `MemoryCell`.
+    `KindError` for what is no `MemoryCell`.
 
     >>> sequence = MemorySequence(MemoryCell(3, 8), batch_first=True)
     >>> outputs, state = sequence(torch.zeros(2, 50, 3))
@@ -26,9 +27,8 @@ class MemorySequence(nn.Module):
 
     def __init__(self, cell: MemoryCell, batch_first: bool = False) -> None:
         super().__init__()
-        if not isinstance(cell, MemoryCell):
-            raise ConfigError(f"cell is {type(cell).__name__}: give a MemoryCell")
-        self.cell, self.batch_first = cell, batch_first
+        self.cell = instance("cell", cell, MemoryCell)
+        self.batch_first = flag("batch_first", batch_first)
 
     def forward(
         self, x: Tensor, state: CellState | None = None, dt: Tensor | None = None
@@ -76,6 +76,7 @@ class MemorySequence(nn.Module):
         state = self.cell.initial_state(x.shape[1:-1]) if state is None else state
         if dt is None:
             return [(now, None) for now in x.unbind(0)], state
+        instance("dt", dt, Tensor)
         spans = dt.transpose(0, 1) if self.batch_first and dt.dim() > 1 else dt
         if spans.shape[:1] != x.shape[:1]:
             form = "(B, T)" if self.batch_first else "(T, ...)"

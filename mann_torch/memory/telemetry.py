@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..checks import instance, whole
 from ..errors import ShapeError
 from ..trees import map_tensors
 from .cell_state import Attended, CellState
@@ -58,6 +59,7 @@ class MemoryTrace(NamedTuple):
         >>> trace.member(1)["mu"].shape
         (7, 4, 8)
         """
+        index = tuple(whole("index", i, least=None) for i in index)
         batch = self.attended.shape[1:]
         if len(index) != len(batch) or any(
             not -n <= i < n for i, n in zip(index, batch, strict=True)
@@ -69,7 +71,7 @@ class MemoryTrace(NamedTuple):
 
 def reallocation_log(trace: MemoryTrace, *index: int) -> dict[str, np.ndarray]:
     """Steps and slots at which one batch member's slots were reset: `step` (K,), `slot` (K,)."""
-    reset = trace.member(*index)["reset"]
+    reset = instance("trace", trace, MemoryTrace).member(*index)["reset"]
     step = np.flatnonzero(reset >= 0)
     return {"step": step, "slot": reset[step]}
 

@@ -7,19 +7,13 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
+from ..checks import choice, instance, sizes, whole
 from ..constraints import DesignModule, Positive
 from ..errors import ConfigError, ShapeError
-from ..functional import (
-    Numbers,
-    blend,
-    frobenius,
-    infinity_distances,
-    per_matrix,
-    row_times,
-)
+from ..functional import Numbers, blend, frobenius, infinity_distances, per_matrix, row_times
 from ..types import MemoryMode, MemoryOutput, MemoryState, Proximity
 from .attention import Attention
-from .checks import Row, check_together, whole
+from .checks import Row, check_together
 from .keys import KeyRule, RepresentationKeys
 
 RESETS = ("scaled", "raw")
@@ -40,8 +34,8 @@ class WorkingMemory(DesignModule):
     `initial_keys` (S, D) and `initial_active` (S,) hold what to start from once `store_` has filled
     them; before that every slot starts as c_w sigma at t = 0.
 
-    Raises `ConfigError` for fewer than one slot or neuron, an unknown reset, or a part that is
-    no attention or key rule.
+    Raises `ConfigError` for fewer than one slot or neuron or an unknown reset, `KindError` for a
+    part that is no attention or key rule.
     """
 
     def __init__(
@@ -57,15 +51,11 @@ class WorkingMemory(DesignModule):
         super().__init__()
         n_slots, n_hidden = whole("n_slots", n_slots), whole("n_hidden", n_hidden)
         key_rule = RepresentationKeys() if key_rule is None else key_rule
-        for part, kind in ((attention, Attention), (key_rule, KeyRule)):
-            if not isinstance(part, kind):
-                raise ConfigError(f"{part!r} is no {kind.__name__}: give an instance of one")
-        if reset not in RESETS:
-            raise ConfigError(f"unknown reset '{reset}'; choose from {', '.join(RESETS)}")
-        self.n_slots, self.n_hidden, self.context_width = n_slots, n_hidden, context_width
-        self.reset = reset
-        self.attention = attention
-        self.key_rule = key_rule
+        self.n_slots, self.n_hidden = n_slots, n_hidden
+        self.context_width = context_width = whole("context_width", context_width, least=0)
+        self.reset = choice("reset", reset, RESETS)
+        self.attention = instance("attention", attention, Attention)
+        self.key_rule = instance("key_rule", key_rule, KeyRule)
         self.write_gain: Tensor
         self.declare("write_gain", write_gain, Positive())
         self.initial_mu: Tensor
@@ -97,6 +87,7 @@ class WorkingMemory(DesignModule):
 
         Boolean, or float64 where attention is `graded`.
         """
+        batch_shape = sizes("batch_shape", batch_shape)
         fresh = torch.ones_like(self.initial_active)
         if not self.attention.starts_full:
             fresh[1:] = False
@@ -104,7 +95,7 @@ class WorkingMemory(DesignModule):
         active = active.expand(*batch_shape, -1).clone()
         if self.attention.graded:
             active = active.to(torch.float64)
-        count = torch.zeros(tuple(batch_shape), dtype=torch.int64, device=active.device)
+        count = torch.zeros(batch_shape, dtype=torch.int64, device=active.device)
         return MemoryMode(active, count - 1, count, count.clone())
 
     def forward(
@@ -119,7 +110,7 @@ class WorkingMemory(DesignModule):
 
         `correction` (..., N) is W h_e'. Raises `ShapeError`, `DtypeError`.
         """
-        self._check(hidden, context, memory, mode, correction)
+        self._check(hidden, context, (memory, mode), corrections=(correction,))
         weights = self._attend(hidden, context, memory, mode)
         target = self.write_gain.unsqueeze(-1) * hidden + correction
         d_mu = weights.unsqueeze(-1) * (target.unsqueeze(-2) - memory.mu)
@@ -134,7 +125,7 @@ class WorkingMemory(DesignModule):
         The reset slot gets c_w sigma or sigma (`reset`) and a fresh key; no other slot changes.
         Raises `ShapeError`, `DtypeError`.
         """
-        self._check(hidden, context, memory, mode)
+        self._check(hidden, context, (memory, mode))
         memory, mode = self.reallocate(hidden, context, memory, mode)
         return memory, self.note(self._attend(hidden, context, memory, mode), mode)
 
@@ -197,9 +188,11 @@ class WorkingMemory(DesignModule):
         """Keep one unbatched state, mu (S, N), as the contents to start from.
 
         `active` (S,) bool says which slots are in use; all of them if not given. Of levels, those
-        above one half. Raises `ShapeError` for a batch, `ConfigError` where no slot is active.
+        above one half. Raises `ShapeError` for a batch, `ConfigError` where no slot is active,
+        `KindError`.
         """
-        active = None if active is None else active > 0.5
+        instance("state", state, MemoryState)
+        active = None if active is None else instance("active", active, Tensor) > 0.5
         if state.mu.shape != self.initial_mu.shape or state.keys.shape != self.initial_keys.shape:
             raise ShapeError(
                 f"store_ takes one memory, mu {tuple(self.initial_mu.shape)} and keys "
@@ -228,22 +221,21 @@ class WorkingMemory(DesignModule):
         self,
         hidden: Tensor,
         context: Tensor,
-        memory: MemoryState | None = None,
-        mode: MemoryMode | None = None,
-        correction: Tensor | None = None,
+        *held: tuple[MemoryState, MemoryMode],
+        corrections: tuple[Tensor, ...] = (),
     ) -> None:
         S, N, double = self.n_slots, self.n_hidden, torch.float64
-        wide = (self.context_width or context.shape[-1],)
+        wide = (self.context_width or instance("context", context, Tensor).shape[-1],)
         rows: list[Row] = [("features", hidden, (N,), double), ("context", context, wide, double)]
-        if memory is not None:
+        for memory, mode in held:
+            instance("memory", memory, MemoryState)
+            instance("mode", mode, MemoryMode)
             width = self.initial_keys.shape[-1]
             rows.append(("mu", memory.mu, (S, N), double))
             rows.append(("keys", memory.keys, (S, width), double))
-        if mode is not None:
             kind = double if self.attention.graded else torch.bool
             rows.append(("active", mode.active, (S,), kind))
             if mode.held is not None:
                 rows.append(("held weights", mode.held, (S,), double))
-        if correction is not None:
-            rows.append(("correction", correction, (N,), double))
+        rows += [("correction", each, (N,), double) for each in corrections]
         check_together(rows)

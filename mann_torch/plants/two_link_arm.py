@@ -7,6 +7,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from ..checks import NONNEGATIVE, POSITIVE, number, wrong
 from ..errors import DomainError, ShapeError
 from ..functional import Numbers, as_float64
 from ..types import PlantState
@@ -31,7 +32,8 @@ def arm_parameters(
     """Checked parameters of the arm, each (..., 2); the defaults are the paper's.
 
     Raises `ShapeError` where the last dimension is not 2, `DomainError` for masses or lengths
-    that are not finite and > 0 or friction that is not finite and >= 0.
+    that are not finite and > 0 or friction that is not finite and >= 0, `KindError` or `DtypeError`
+    for what is not made of float64 numbers.
     """
     given = {"masses": masses, "lengths": lengths, "viscous": viscous, "coulomb": coulomb}
     parameters = ArmParameters(*(as_float64(value, name) for name, value in given.items()))
@@ -41,6 +43,8 @@ def arm_parameters(
 
 def check_parameters(parameters: ArmParameters) -> None:
     """Raise as `arm_parameters` does; other leading dimensions, a schedule's rows, are allowed."""
+    if not all(hasattr(parameters, name) for name in ArmParameters._fields):
+        raise wrong("parameters", parameters, "ArmParameters, as `arm_parameters` makes them")
     for name, tensor in parameters._asdict().items():
         if tensor.dim() < 1 or tensor.shape[-1] != 2:
             raise ShapeError(f"{name} has shape {tuple(tensor.shape)}; give one number a link (2)")
@@ -72,16 +76,16 @@ class TwoLinkArm(Plant):
     """Two links in a vertical plane. Paper: eqs. (mass), (cor) and the load vector after them.
 
     `gravity` g [m/s^2]. Coulomb friction is smoothed, coulomb tanh(qd / `coulomb_velocity`)
-    [rad/s], so that it has a derivative.
+    [rad/s], so that it has a derivative. Raises `DomainError`, `KindError`.
     """
 
     n_joints = 2
 
     def __init__(self, gravity: float = 9.8, coulomb_velocity: float = 0.01) -> None:
         super().__init__()
-        for name, value in (("gravity", gravity), ("coulomb_velocity", coulomb_velocity)):
-            if not 0.0 <= value < float("inf") or (name != "gravity" and value == 0.0):
-                raise DomainError(f"{name} = {value}: must be finite and positive")
+        number("gravity", gravity, NONNEGATIVE, DomainError)
+        number("coulomb_velocity", coulomb_velocity, POSITIVE, DomainError)
+        # As they came: a tensor keeps its gradient.
         self.gravity, self.coulomb_velocity = gravity, coulomb_velocity
 
     def coefficients(self, parameters: ArmParameters) -> ArmCoefficients:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from ..errors import ConfigError, ShapeError
+from ..checks import POSITIVE, maybe, several, shown
+from ..errors import ConfigError, KindError, ShapeError
 from ..functional import Numbers, as_float64
 from ..types import Measurement
 
@@ -61,13 +61,14 @@ class MeasurementNoise:
         for name, value in zip(("position_std", "velocity_std"), std, strict=True):
             if not bool((torch.isfinite(value) & (value >= 0)).all()):
                 raise ConfigError(f"noise {name} = {value.tolist()}: must be finite and >= 0")
-        if rate is not None and not (math.isfinite(rate) and rate > 0):
-            raise ConfigError(f"noise rate = {rate}: must be finite and > 0")
+        self.rate = maybe("noise rate", rate, POSITIVE)
         try:
             seeds = torch.as_tensor(seed)
-        except (TypeError, ValueError, RuntimeError):
-            raise ConfigError(f"noise seed = {seed!r}: give whole numbers") from None
-        if seeds.is_floating_point() or seeds.is_complex() or bool((seeds < 0).any()):
+        except (TypeError, ValueError, RuntimeError, OverflowError):
+            raise KindError(f"noise seed = {shown(seed)}: give whole numbers") from None
+        if seeds.dtype == torch.bool or seeds.is_floating_point() or seeds.is_complex():
+            raise KindError(f"noise seed = {shown(seed)}: give whole numbers >= 0")
+        if bool((seeds < 0).any()):
             raise ConfigError(f"noise seed = {seeds.tolist()}: give whole numbers >= 0")
         try:
             self.position_std, self.velocity_std, self.seed = torch.broadcast_tensors(
@@ -76,7 +77,10 @@ class MeasurementNoise:
         except RuntimeError:
             shapes = ", ".join(str(tuple(x.shape)) for x in (*std, seeds))
             raise ShapeError(f"noise: shapes {shapes} do not broadcast") from None
-        self.rate = rate
+
+    def check(self) -> None:
+        """Raise, as on making, for numbers that do not fit (any more)."""
+        MeasurementNoise(self.position_std, self.velocity_std, self.seed, self.rate)
 
     @property
     def batch_shape(self) -> torch.Size:
@@ -102,6 +106,7 @@ class MeasurementNoise:
     @staticmethod
     def stack(noises: Sequence[MeasurementNoise]) -> MeasurementNoise:
         """One noise with a new leading batch dimension. Raises `ConfigError` for unequal rates."""
+        noises = several("noises", noises, MeasurementNoise)
         if len({noise.rate for noise in noises}) != 1:
             raise ConfigError("noises to stack must have the same rate")
         return MeasurementNoise(

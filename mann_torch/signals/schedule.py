@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
+from ..checks import number, several, whole, wrong
 from ..errors import ConfigError, ShapeError
 from ..functional import Numbers, as_float64
 
@@ -15,17 +16,26 @@ class PiecewiseConstant:
     """Value `values[..., k, :]` from `times[..., k-1]` (included) to `times[..., k]` (excluded).
 
     `times` (..., K) [s] increase and are > 0; inf pads a sample with fewer jumps. `values`
-    (..., K + 1, d) may require grad. Raises `ConfigError` or `ShapeError`.
+    (..., K + 1, d) may require grad. Raises `ConfigError`, `KindError`, `DtypeError` or
+    `ShapeError`; a rollout checks again what was changed since.
     """
 
     def __init__(self, times: Numbers, values: Numbers) -> None:
         self.times = as_float64(times, "schedule times").detach()
         self.values = as_float64(values, "schedule values")
+        self.check()
+
+    def check(self, name: str = "schedule") -> None:
+        """Raise, as on making, for times and values that do not fit (any more)."""
+        for what, tensor in (("times", self.times), ("values", self.values)):
+            if not isinstance(tensor, Tensor):
+                raise wrong(f"{name} {what}", tensor, "a tensor")
+            as_float64(tensor, f"{name} {what}")
         if self.values.dim() != self.times.dim() + 1 or (
             self.values.shape[:-1] != (*self.times.shape[:-1], self.times.shape[-1] + 1)
         ):
             raise ShapeError(
-                f"schedule of times {tuple(self.times.shape)} and values "
+                f"{name} of times {tuple(self.times.shape)} and values "
                 f"{tuple(self.values.shape)}: one value row more than times is needed"
             )
         finite = torch.where(torch.isinf(self.times), torch.finfo(torch.float64).max, self.times)
@@ -34,7 +44,7 @@ class PiecewiseConstant:
         if bool((torch.isnan(self.times) | (self.times <= 0)).any()) or bool(
             ((order <= 0) & ~padded).any()
         ):
-            raise ConfigError(f"schedule times {self.times.tolist()}: must increase from > 0")
+            raise ConfigError(f"{name} times {self.times.tolist()}: must increase from > 0")
 
     @property
     def batch_shape(self) -> torch.Size:
@@ -67,6 +77,7 @@ class PiecewiseConstant:
     @staticmethod
     def stack(schedules: Sequence[PiecewiseConstant]) -> PiecewiseConstant:
         """One schedule with a new leading batch dimension; shorter ones are padded."""
+        schedules = several("schedules", schedules, PiecewiseConstant)
         longest = max(schedule.times.shape[-1] for schedule in schedules)
         times, values = [], []
         for schedule in schedules:
@@ -79,13 +90,29 @@ class PiecewiseConstant:
 
 
 def multiplied(initial: Sequence[float], factors: Sequence[float]) -> list[list[float]]:
-    """Rows of values that start at `initial` and are multiplied by one factor a jump."""
-    rows = [list(initial)]
-    for factor in factors:
+    """Rows of values that start at `initial` and are multiplied by one factor a jump.
+
+    Raises `KindError` or `ShapeError`.
+    """
+    rows = [_row("initial", initial)]
+    for factor in _row("factors", factors):
         rows.append([factor * value for value in rows[-1]])
     return rows
 
 
 def growing_square(initial: Sequence[float], increment: float, jumps: int) -> list[list[float]]:
-    """Rows m(n) = m(0) sqrt(1 + increment n): the paper's m^2 -> m^2 + increment m(0)^2."""
+    """Rows m(n) = m(0) sqrt(1 + increment n): the paper's m^2 -> m^2 + increment m(0)^2.
+
+    Raises `KindError` or `ShapeError`, and `ConfigError` where a mass would not stay >= 0.
+    """
+    initial, jumps = _row("initial", initial), whole("jumps", jumps, least=0)
+    if 1.0 + number("increment", increment) * jumps < 0:
+        raise ConfigError(f"increment = {increment}: after {jumps} jumps nothing is left")
     return [[value * (1.0 + increment * n) ** 0.5 for value in initial] for n in range(jumps + 1)]
+
+
+def _row(name: str, numbers: Numbers) -> list[float]:
+    row = as_float64(numbers, name)
+    if row.dim() != 1:
+        raise ShapeError(f"{name} has shape {tuple(row.shape)}: give a row of numbers")
+    return list(row.tolist())

@@ -5,8 +5,10 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
+from ..checks import instance
 from ..control import Controller
 from ..errors import ShapeError
+from ..functional import as_float64
 from ..plants import Plant
 from ..plants.plant import Coefficients
 from ..signals import Reference, Sampler
@@ -25,19 +27,26 @@ from .scenario import Scenario
 
 
 class ClosedLoop(nn.Module):
-    """A plant under a controller. Between jumps the discrete mode is frozen."""
+    """A plant under a controller. Between jumps the discrete mode is frozen.
+
+    Raises `KindError` for what is no plant or controller. Design constants stay float64 under
+    `.float()` and the like; a part of one's own that does not is refused by `rollout`.
+    """
 
     def __init__(self, plant: Plant, controller: Controller) -> None:
         super().__init__()
-        self.plant = plant
-        self.controller = controller
+        self.plant = instance("plant", plant, Plant)
+        self.controller = instance("controller", controller, Controller)
 
     def initial_state(self, scenario: Scenario, network: NetworkState) -> tuple[LoopState, Mode]:
         """State (..., *event) and mode at t = 0, expanded to the common batch shape.
 
         Raises `ShapeError` where scenario, constants and weights do not broadcast or sizes do not
-        fit, `DomainError` for plant parameters or constants out of range.
+        fit, `DomainError` for plant parameters or constants out of range, `DtypeError` for a tensor
+        of another precision than float64.
         """
+        _check_precision(self, "loop")
+        _check_precision(scenario.reference, "reference")
         n = self.plant.n_joints
         if scenario.reference.n_joints != n:
             raise ShapeError(
@@ -155,3 +164,11 @@ class ClosedLoop(nn.Module):
             reference(t), self.measure(state.plant, noise), state.controller, mode, due
         )
         return LoopState(state.plant, controller), mode
+
+
+def _check_precision(module: nn.Module, name: str) -> None:
+    """Raise `DtypeError` for a parameter or buffer of another precision: the loop is stiff."""
+    for held in (module.named_parameters(), module.named_buffers()):
+        for path, tensor in held:
+            if tensor.is_floating_point():
+                as_float64(tensor, f"{name}.{path}")

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from ..checks import instance
 from ..functional import Numbers, as_float64
 from ..memory import relaxed
 from ..trees import leaf_names, leaves
@@ -89,6 +90,10 @@ def explain(
     Takes what `rollout` takes, runs some steps of it, and raises what that raises.
     docs/compiling.md says how to read it.
     """
+    instance("loop", loop, ClosedLoop)
+    instance("scenario", scenario, Scenario).check()
+    if network is not None:
+        instance("network", network, NetworkState)
     solver = Implicit() if solver is None else solver
     check_gradient(gradient, solver, temperature)
     if network is None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from ..checks import choice, instance
 from ..errors import ConfigError
-from ..functional import Numbers
+from ..functional import Numbers, as_float64
 from .closed_loop import ClosedLoop
 from .solvers.implicit import Implicit
 from .solvers.solver import Solver
@@ -17,9 +18,11 @@ GRADIENTS = ("plain", "hybrid", "soft")
 
 
 def check_gradient(gradient: str, solver: Solver, temperature: Numbers | None = None) -> None:
-    """Raise `ConfigError` for an unknown name, or what it cannot have or lacks."""
-    if gradient not in GRADIENTS:
-        raise ConfigError(f"gradient = '{gradient}': choose from {', '.join(GRADIENTS)}")
+    """Raise `ConfigError` for an unknown name, or what it cannot have or lacks; `KindError`."""
+    choice("gradient", gradient, GRADIENTS)
+    instance("solver", solver, Solver)
+    if temperature is not None:
+        as_float64(temperature, "temperature")
     if (temperature is not None) != (gradient == "soft"):
         raise ConfigError(f"gradient = '{gradient}': temperature belongs to 'soft', which needs it")
     if gradient == "hybrid" and type(solver) is not Implicit:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from ..checks import instance
 from ..signals import noise_at
 from ..types import ControlOutput, MemoryMode
 from .closed_loop import ClosedLoop
@@ -13,7 +14,13 @@ from .trajectory import Trajectory
 
 
 def observe(loop: ClosedLoop, scenario: Scenario, trajectory: Trajectory) -> ControlOutput:
-    """Torque, errors, features, read and weights at the trajectory's samples, each (K, ..., .)."""
+    """Torque, errors, features, read and weights at the trajectory's samples, each (K, ..., .).
+
+    Raises `KindError`.
+    """
+    instance("loop", loop, ClosedLoop)
+    instance("scenario", scenario, Scenario)
+    instance("trajectory", trajectory, Trajectory)
     batch = trajectory.states.plant.q.shape[1:-1]
     reference = scenario.reference.expand(batch)
     noise = None
@@ -30,7 +37,7 @@ def observe(loop: ClosedLoop, scenario: Scenario, trajectory: Trajectory) -> Con
 def attended_slot(trajectory: Trajectory) -> Tensor | None:
     """Slot attended at each sample (K, ...); None without a memory.
 
-    A mode saved at a sample was decided at the start of the step before it.
+    A mode saved at a sample was decided at the start of the step before it. Raises `KindError`.
     """
-    modes = trajectory.modes
+    modes = instance("trajectory", trajectory, Trajectory).modes
     return modes.attended if isinstance(modes, MemoryMode) else None

@@ -5,11 +5,11 @@ from __future__ import annotations
 import dataclasses
 import functools
 import logging
-import math
 from collections.abc import Callable, Sequence
 
 import torch
 
+from ..checks import ABOVE_0, NONNEGATIVE, choice, function, instance, maybe, number, sizes, text
 from ..compiled import UntraceableError
 from ..errors import ConfigError, KernelError, ShapeError
 from ..functional import Numbers
@@ -94,15 +94,26 @@ def rollout(
 
     Raises:
         ConfigError: a setting is out of range, DomainError if it is a constant or a parameter of
-            the plant. ShapeError: sizes do not fit or batch shapes do not broadcast.
+            the plant, KindError if it is of a wrong type. ShapeError: sizes do not fit or batch
+            shapes do not broadcast. DtypeError: a tensor of the loop, of its reference or of the
+            scenario is not float64; it names the tensor. What the scenario holds is checked again.
     """
-    for name, value in (("divergence_limit", divergence_limit), ("tape_memory", tape_memory)):
-        if not value > 0:
-            raise ConfigError(f"{name} = {value}: must be > 0")
+    instance("loop", loop, ClosedLoop)
+    instance("scenario", scenario, Scenario).check()
+    divergence_limit = number("divergence_limit", divergence_limit, ABOVE_0)
+    tape_memory = number("tape_memory", tape_memory, ABOVE_0)
+    sample_dt, sample_until = number("sample_dt", sample_dt), maybe("sample_until", sample_until)
+    motion_dt = maybe("motion_dt", motion_dt)
+    effort_after = maybe("effort_after", effort_after, NONNEGATIVE)
+    batch_shape = sizes("batch_shape", batch_shape, single=False)
+    if network is not None:
+        instance("network", network, NetworkState)
+    if generator is not None:
+        instance("generator", generator, torch.Generator)
+    if progress is not None:
+        function("progress", progress)
     if network is not None and (generator is not None or batch_shape != ()):
         raise ConfigError("give initial weights as `network`, or generator and batch_shape")
-    if effort_after is not None and not (math.isfinite(effort_after) and effort_after >= 0):
-        raise ConfigError(f"effort_after = {effort_after}: must be finite and >= 0")
     solver = Implicit() if solver is None else solver
     check_gradient(gradient, solver, temperature)
     if temperature is not None:
@@ -165,10 +176,13 @@ def check_engine(
 
     What is known before anything is traced: whether the loop's step can be compiled shows when it
     is. Raises `ConfigError` for an unknown engine or device, or for ``compiled`` (and for any
-    device but the CPU) where it can't be.
+    device but the CPU) where it can't be; `KindError`.
     """
-    if engine not in ENGINES:
-        raise ConfigError(f"engine = '{engine}': choose from {', '.join(ENGINES)}")
+    instance("loop", loop, ClosedLoop)
+    instance("scenario", scenario, Scenario)
+    instance("solver", solver, Solver)
+    choice("engine", engine, ENGINES)
+    text("device", device)
     obstacle: str | None = "asked for"
     if engine != "torch":
         obstacle = compiled_engine.obstacle(loop, scenario, solver)

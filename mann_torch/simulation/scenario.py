@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import torch
 from torch import Tensor
 
+from ..checks import instance, named, several, sizes, text, wrong
 from ..errors import ConfigError, ShapeError
 from ..functional import as_float64
 from ..plants.plant import Parameters
@@ -20,6 +21,16 @@ def _expand(leaf: Tensor, batch: torch.Size, event_dims: int) -> Tensor:
     return leaf.expand(*batch, *leaf.shape[-event_dims:])
 
 
+def _check_tensors(name: str, tree: Parameters) -> None:
+    """Raise `KindError` or `DtypeError` for a leaf that is no tensor, or no float64 one."""
+    for field_name, leaf in zip(tree._fields, tree, strict=True):
+        path = f"{name}.{field_name}"
+        if hasattr(leaf, "_fields"):
+            _check_tensors(path, leaf)
+        elif leaf is not None and instance(path, leaf, Tensor).is_floating_point():
+            as_float64(leaf, path)
+
+
 @dataclass(frozen=True)
 class Scenario:
     """One task or a batch of tasks; every member may carry leading batch dimensions `...`.
@@ -29,7 +40,8 @@ class Scenario:
     state at t = 0, at rest at q = 0 if not given. `noise` is what the sensors add.
 
     Raises `ConfigError` for a horizon that is not finite and > 0 or a schedule of an unknown
-    field, `ShapeError` where batch shapes do not broadcast.
+    field, `ShapeError` where batch shapes do not broadcast, `KindError` or `DtypeError` for a part
+    of a wrong type.
     """
 
     reference: Reference
@@ -41,19 +53,31 @@ class Scenario:
     name: str = "scenario"
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "horizon", as_float64(self.horizon, "horizon"))
+        self.check()
+
+    def check(self) -> None:
+        """Raise, as on making, for parts that do not fit (any more): tensors can be written to."""
+        text("name", self.name)
+        instance("reference", self.reference, Reference)
+        if not hasattr(self.parameters, "_fields"):
+            raise wrong("parameters", self.parameters, "a NamedTuple of tensors, one row a sample")
+        _check_tensors("parameters", self.parameters)
         horizon = as_float64(self.horizon, "horizon")
         if not bool((torch.isfinite(horizon) & (horizon > 0)).all()):
             raise ConfigError(f"horizon = {horizon.tolist()}: must be finite and > 0")
-        object.__setattr__(self, "horizon", horizon)
-        for name, schedule in self.schedule.items():
-            if not isinstance(schedule, PiecewiseConstant):
-                raise ConfigError(f"schedule of '{name}': give a PiecewiseConstant")
+        for name, schedule in named("schedule", self.schedule, PiecewiseConstant).items():
+            schedule.check(f"schedule of '{name}':")
             if name not in self.parameters._fields:
                 raise ConfigError(
                     f"schedule of '{name}': the plant has {', '.join(self.parameters._fields)}"
                 )
+        if self.noise is not None:
+            instance("noise", self.noise, MeasurementNoise).check()
+        if self.start is not None:
+            instance("start", self.start, PlantState)
         for leaf in self.start or ():
-            if not bool(torch.isfinite(as_float64(leaf, "start")).all()):
+            if not bool(torch.isfinite(as_float64(instance("start", leaf, Tensor), "start")).all()):
                 raise ConfigError(f"start = {leaf.tolist()}: must be finite")
             if leaf.shape[-1:] != (self.reference.n_joints,):
                 raise ShapeError(f"start of shape {tuple(leaf.shape)}: give one number a joint")
@@ -110,8 +134,8 @@ class Scenario:
         )
 
     def select(self, members: Sequence[int]) -> Scenario:
-        """Some members of the first batch dimension."""
-        rows, full = list(members), self.expanded()
+        """Some members of the first batch dimension. Raises `KindError`."""
+        rows, full = list(sizes("members", members, False, signed=True)), self.expanded()
         return replace(
             full,
             reference=full.reference.select(rows),
@@ -129,6 +153,7 @@ class Scenario:
         All must be of the same batch shape, the same kind of reference and the same scheduled
         fields, all with noise or none. Raises `ConfigError` otherwise.
         """
+        scenarios = several("scenarios", scenarios, Scenario)
         kinds = {
             (
                 type(s.reference),

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from ..checks import FROM_0, POSITIVE, maybe, number
 from ..errors import ConfigError
 
 # Knots closer together than this [s] count as one: no solver can step between them.
@@ -29,8 +30,7 @@ def counted_in(times: Tensor, horizon: Tensor) -> Tensor:
 
 
 def _check_interval(name: str, value: float, end: float = 0.0) -> None:
-    if not (math.isfinite(value) and value > 0):
-        raise ConfigError(f"{name} = {value}: must be finite and > 0")
+    number(name, value, POSITIVE)
     if end > MAX_ROWS * value:
         raise ConfigError(f"{name} = {value}: over {MAX_ROWS:.0e} intervals in {end:g} s")
 
@@ -99,8 +99,7 @@ class StepGrid:
         The last one is always included; `until` [s] ends the sampling early.
         """
         _check_interval("sample_dt", sample_dt, float(self.times[-1]))
-        if until is not None and not until >= 0:
-            raise ConfigError(f"sample_until = {until}: must be >= 0")
+        maybe("sample_until", until, FROM_0)
         end = float(self.times[-1]) if until is None else min(until, float(self.times[-1]))
         wanted = torch.arange(int(end / sample_dt + 1e-9) + 1, dtype=torch.float64) * sample_dt
         index = torch.searchsorted(self.times, wanted - MERGE).clamp(max=self.n_steps)

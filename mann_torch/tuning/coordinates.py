@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from ..checks import choice, instance, several
 from ..constraints import DesignModule, SymmetricPositiveDefinite
-from ..errors import ConfigError
+from ..errors import ConfigError, ShapeError
 
 FORMS = ("scalar", "diagonal", "full")
 #: z beyond this counts as this: a factor of 3000, short of where exp leaves the finite numbers.
@@ -35,14 +36,15 @@ class Coordinates:
     definite wherever z goes.
 
     Raises `ConfigError` for no name, an unknown or repeated one, a batched constant, a constant
-    that starts at the edge of its domain (0 times anything is 0), or an unknown form.
+    that starts at the edge of its domain (0 times anything is 0), or an unknown form, `KindError`.
     """
 
     def __init__(
         self, module: DesignModule, names: Sequence[str], matrix_form: str = "scalar"
     ) -> None:
-        if matrix_form not in FORMS:
-            raise ConfigError(f"matrix form '{matrix_form}': choose from {', '.join(FORMS)}")
+        instance("module", module, DesignModule)
+        names = several("names", names, str)
+        choice("matrix form", matrix_form, FORMS)
         if not names:
             raise ConfigError("no constant to tune; choose from " + ", ".join(module.constants()))
         if len(set(names)) < len(names):
@@ -82,7 +84,12 @@ class Coordinates:
         return tuple(found)
 
     def values(self, z: Tensor) -> dict[str, Tensor]:
-        """The constants at z (..., P), each (..., *event), differentiably."""
+        """The constants at z (..., P), each (..., *event), differentiably.
+
+        Raises `ShapeError`, `KindError`.
+        """
+        if instance("z", z, Tensor).shape[-1:] != (self.size,):
+            raise ShapeError(f"z has shape {tuple(z.shape)}, not (..., {self.size})")
         values = {}
         pieces = z.clamp(-BOUND, BOUND).split([part.size for part in self._parts], dim=-1)
         for part, piece in zip(self._parts, pieces, strict=True):

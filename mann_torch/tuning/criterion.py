@@ -9,6 +9,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from ..checks import POSITIVE, flag, function, named, number
 from ..errors import ConfigError
 from ..simulation import Status, Trajectory
 from .judges import Judge, Recording, recording_of, worth
@@ -20,7 +21,7 @@ class Limit:
     """An upper bound on what a judge of one's own finds.
 
     In the judge's unit or, if `relative`, a multiple of what the member had at the start. Raises
-    `ConfigError` unless it is > 0.
+    `ConfigError` unless it is > 0, `KindError`.
     """
 
     quantity: Judge
@@ -28,7 +29,9 @@ class Limit:
     relative: bool = False
 
     def __post_init__(self) -> None:
-        check_limit("limit", self.bound)
+        function("limit quantity", self.quantity)
+        number("limit bound", self.bound, POSITIVE)
+        flag("limit relative", self.relative)
 
 
 class Measured(NamedTuple):
@@ -48,7 +51,7 @@ class Criterion:
     nothing. A sample that diverged counts as in `Objective`, and so does one that a judge finds
     NaN.
 
-    Raises `ConfigError` for a penalty < 0 or a scale that is not > 0.
+    Raises `ConfigError` for a penalty < 0 or a scale that is not > 0, `KindError`.
     """
 
     value: Judge
@@ -57,6 +60,8 @@ class Criterion:
     scale: float | None = None
 
     def __post_init__(self) -> None:
+        function("criterion value", self.value)
+        named("criterion limits", self.limits, Limit)
         check_weight("criterion penalty", self.penalty)
         check_limit("criterion scale", self.scale)
 

@@ -11,10 +11,11 @@ from typing import NamedTuple, cast
 import torch
 from torch import Tensor
 
+from ..checks import NONNEGATIVE, POSITIVE, choice, instance, maybe, named, sizes, text
 from ..constraints import DesignModule
 from ..functional import as_float64
 from ..metrics import peak_torque, srmse, torque_rate
-from ..simulation import ClosedLoop, Outcome, Scenario, Solver, Trajectory, rollout
+from ..simulation import ENGINES, ClosedLoop, Outcome, Scenario, Solver, Trajectory, rollout
 from ..trees import map_tensors
 from ..types import NetworkState
 from .judges import EVERYTHING, TOTALS, Judge, Recording, recording_of, worth
@@ -30,7 +31,12 @@ class Score(NamedTuple):
 
 @contextmanager
 def constants_at(module: DesignModule, values: Mapping[str, Tensor]) -> Iterator[None]:
-    """Set constants, and put back what was there, parameters and all."""
+    """Set constants, and put back what was there, parameters and all.
+
+    Raises as `initialize`, `KindError`.
+    """
+    instance("module", module, DesignModule)
+    named("values", values, Tensor)
     before = {name: module.constant(name) for name in values}
     owners = {name: module.owner(name) for name in values}
     module.initialize(**{name: value.detach() for name, value in values.items()})
@@ -43,7 +49,10 @@ def constants_at(module: DesignModule, values: Mapping[str, Tensor]) -> Iterator
 
 @dataclass(frozen=True)
 class Ensemble:
-    """B members of one loop: scenario batch (B,), initial weights (B, *event)."""
+    """B members of one loop: scenario batch (B,), initial weights (B, *event).
+
+    Raises `ConfigError`, `KindError`.
+    """
 
     loop: ClosedLoop
     scenario: Scenario
@@ -55,12 +64,22 @@ class Ensemble:
     engine: str = "auto"
     device: str = "cpu"
 
+    def __post_init__(self) -> None:
+        instance("loop", self.loop, ClosedLoop)
+        instance("scenario", self.scenario, Scenario)
+        instance("network", self.network, NetworkState)
+        instance("solver", self.solver, Solver)
+        named("own", self.own, Tensor)
+        maybe("effort_after", self.effort_after, NONNEGATIVE)
+        choice("engine", self.engine, ENGINES)
+        text("device", self.device)
+
     def __len__(self) -> int:
         return len(self.network.b_v)
 
     def select(self, members: Sequence[int]) -> Ensemble:
-        """Some of the members."""
-        chosen = list(members)
+        """Some of the members. Raises `KindError`."""
+        chosen = list(sizes("members", members, False, signed=True))
         return dataclasses.replace(
             self,
             scenario=self.scenario.select(chosen),
@@ -69,8 +88,8 @@ class Ensemble:
         )
 
     def until(self, horizon: float | None) -> Ensemble:
-        """The same members, none longer than `horizon` [s]."""
-        if horizon is None:
+        """The same members, none longer than `horizon` [s]. Raises `ConfigError`, `KindError`."""
+        if maybe("horizon", horizon, POSITIVE) is None:
             return self
         shorter = as_float64(self.scenario.horizon).clamp(max=horizon)
         return dataclasses.replace(
@@ -90,6 +109,8 @@ class Ensemble:
         `recording` says what is kept; what is not is refused (see `Recording`).
         Gradients reach the controller's own parameters: set them free within `constants_at`.
         """
+        instance("recording", recording, Recording)
+        named("values", values, Tensor)
         own = {name: value for name, value in self.own.items() if name not in values}
         with constants_at(self.loop.controller, own):
             trajectory = rollout(

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from ..checks import POSITIVE, WITHIN_2, choice, function, instance, number, several, whole
 from ..errors import ConfigError
 from .coordinates import Coordinates
 from .ensemble import Ensemble
@@ -35,6 +36,8 @@ class GradientSettings:
     `pairs` not given: 3 by ``each``; by ``joint`` enough for 2.5 comparisons a coordinate.
     `temperature` falls geometrically to `final_temperature` over a tuning run. `control`: names of
     constants whose plain gradient is right: it serves `smoothed` as a control variate.
+
+    Raises `ConfigError` for a setting out of range, `KindError`.
     """
 
     mode: str = "smoothed"
@@ -46,22 +49,19 @@ class GradientSettings:
     temperature: float = 0.02
     final_temperature: float = 0.002
 
+    def __post_init__(self) -> None:
+        choice("gradient mode", self.mode, MODES)
+        choice("gradient design", self.design, DESIGNS)
+        for name in ("spread", "step"):
+            number(f"gradient {name}", getattr(self, name), WITHIN_2)
+        for name in ("temperature", "final_temperature"):
+            number(f"gradient {name}", getattr(self, name), POSITIVE)
+        if self.pairs is not None:
+            whole("gradient pairs", self.pairs)
+        several("gradient control", self.control, str)
+
     def check(self, members: int, coordinates: Coordinates, minibatch: int | None = None) -> None:
         """Raise `ConfigError` for what can't work."""
-        if self.mode not in MODES:
-            raise ConfigError(f"gradient mode '{self.mode}': choose from {', '.join(MODES)}")
-        if self.design not in DESIGNS:
-            raise ConfigError(f"gradient design '{self.design}': choose from {', '.join(DESIGNS)}")
-        for name in ("spread", "step"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and 0 < value < 2):
-                raise ConfigError(f"gradient {name} = {value}: must be > 0 and < 2")
-        for name in ("temperature", "final_temperature"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise ConfigError(f"gradient {name} = {value}: must be finite and > 0")
-        if self.pairs is not None and self.pairs < 1:
-            raise ConfigError(f"gradient pairs = {self.pairs}: at least 1")
         for name in self.control:
             if name not in coordinates.names:
                 raise ConfigError(
@@ -109,7 +109,14 @@ def slope_of(
 
     `judge` turns rollouts into the objective (..., B); it may declare what it reads (`Judged`).
     What a sample that diverged is worth is for it to say: there, motion stays at the last state.
+
+    Raises `ConfigError`, `KindError`.
     """
+    _check(ensemble, coordinates, z, judge)
+    instance("settings", settings, GradientSettings)
+    if generator is not None:
+        instance("generator", generator, torch.Generator)
+    progress = number("progress", progress)
 
     def values(points: Tensor) -> Tensor:
         return ensemble.judged(coordinates.values(points), judge)
@@ -139,7 +146,10 @@ def slope_of(
 
 
 def control_of(exact: Tensor, coordinates: Coordinates, names: Sequence[str]) -> Tensor:
-    """Plain slopes (B, P) of the named constants, NaN for the others."""
+    """Plain slopes (B, P) of the named constants, NaN for the others. Raises `KindError`."""
+    instance("exact", exact, Tensor)
+    instance("coordinates", coordinates, Coordinates)
+    several("names", names, str)
     known = torch.tensor([label.split("[")[0] in names for label in coordinates.labels])
     return torch.where(known, exact, torch.nan)
 
@@ -152,10 +162,22 @@ def pathwise_slopes(
     mode: str,
     temperature: float | None = None,
 ) -> tuple[Tensor, float]:
-    """Each member's own gradient along the coordinates (B, P), and the mean objective."""
+    """Each member's own gradient along the coordinates (B, P), and the mean objective.
+
+    Raises `ConfigError`, `KindError`.
+    """
+    _check(ensemble, coordinates, z, judge)
+    choice("mode", mode, PATHWISE)
     own = z.expand(len(ensemble), -1).clone().requires_grad_(True)
     with torch.enable_grad():
         values = coordinates.values(own)
     judged, found = ensemble.pathwise(values, judge, mode, temperature)
     (slopes,) = torch.autograd.grad(list(values.values()), own, [found[name] for name in values])
     return slopes, float(judged.mean())
+
+
+def _check(ensemble: Ensemble, coordinates: Coordinates, z: Tensor, judge: Judge) -> None:
+    instance("ensemble", ensemble, Ensemble)
+    instance("coordinates", coordinates, Coordinates)
+    instance("z", z, Tensor)
+    function("judge", judge)

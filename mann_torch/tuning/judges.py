@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from ..checks import FROM_0, POSITIVE, flag, function, instance, maybe, number
 from ..errors import ConfigError, ShapeError
 from ..simulation import Outcome, Trajectory
 
@@ -23,7 +24,8 @@ class Recording:
     `Motion`: what is not kept is refused, not made up. Numbers are the same whatever is kept; what
     it costs is memory.
 
-    Raises `ConfigError` for `totals_only` beside anything to keep.
+    Raises `ConfigError` for `totals_only` beside anything to keep or an interval that is not > 0,
+    `KindError`.
     """
 
     motion_dt: float | None = None  # [s] between instants of motion; None: every step
@@ -32,7 +34,12 @@ class Recording:
     totals_only: bool = False  # what `srmse`, `torque_rate`, `peak_torque` and counts read
 
     def __post_init__(self) -> None:
-        if self.totals_only and (self.motion_dt is not None or self.sample_until is not None):
+        maybe("motion_dt", self.motion_dt, POSITIVE)
+        number("sample_dt", self.sample_dt, POSITIVE)
+        maybe("sample_until", self.sample_until, FROM_0)
+        if flag("totals_only", self.totals_only) and (
+            self.motion_dt is not None or self.sample_until is not None
+        ):
             raise ConfigError("totals_only keeps no motion and no states: leave out the others")
 
     def shown(self, trajectory: Trajectory) -> Outcome:
@@ -50,10 +57,17 @@ TOTALS = Recording(totals_only=True)
 
 @dataclass(frozen=True)
 class Judged:
-    """A judge that declares what it reads. (So does any callable with a `recording` of its own.)"""
+    """A judge that declares what it reads. (So does any callable with a `recording` of its own.)
+
+    Raises `KindError`.
+    """
 
     judge: Callable[..., Tensor]
     recording: Recording
+
+    def __post_init__(self) -> None:
+        function("judge", self.judge)
+        instance("recording", self.recording, Recording)
 
     def __call__(self, trajectory: Trajectory) -> Tensor:
         """What a rollout is worth, (..., B)."""
@@ -62,6 +76,8 @@ class Judged:
 
 def recording_of(*judges: Judge) -> Recording:
     """What all of these judges ask for together; of one that declares nothing, everything."""
+    for judge in judges:
+        function("judge", judge)
     declared: Iterable[Recording] = (getattr(j, "recording", EVERYTHING) for j in judges)
     asked = {recording for recording in declared if not recording.totals_only}
     if len(asked) <= 1:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
 import torch
 from torch import Tensor
 
-from ..errors import ConfigError
+from ..checks import NONNEGATIVE, POSITIVE, maybe, number
 
 #: From here on what is minimised grows by its logarithm only: no member outshouts the others.
 STEEP = 10.0
@@ -33,11 +32,9 @@ def limited(
 
 def check_weight(what: str, value: float) -> None:
     """Raise `ConfigError` unless finite and >= 0."""
-    if not (math.isfinite(value) and value >= 0):
-        raise ConfigError(f"{what} = {value}: must be finite and >= 0")
+    number(what, value, NONNEGATIVE)
 
 
 def check_limit(what: str, value: float | None) -> None:
     """Raise `ConfigError` unless finite and > 0, or None."""
-    if value is not None and not (math.isfinite(value) and value > 0):
-        raise ConfigError(f"{what} = {value}: must be finite and > 0, or null")
+    maybe(what, value, POSITIVE)

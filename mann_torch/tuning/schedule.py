@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ..checks import POSITIVE, choice, number, several, whole
 from ..errors import ConfigError
 
 OPTIMIZERS = ("adam", "lbfgs", "optuna")
@@ -19,6 +19,8 @@ class Schedule:
     `minibatch` members are drawn anew each iteration, all of them if None. Adam's `rate` falls to
     a tenth over the run (a half cosine). ``optuna`` takes no gradient: each iteration tries as many
     points as ``smoothed`` by ``joint`` would compute copies.
+
+    Raises `ConfigError`, `KindError`.
     """
 
     iterations: int = 50
@@ -29,20 +31,21 @@ class Schedule:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.iterations < 1:
-            raise ConfigError(f"iterations = {self.iterations}: at least 1")
-        if self.optimizer not in OPTIMIZERS:
-            raise ConfigError(f"optimizer '{self.optimizer}': choose from {', '.join(OPTIMIZERS)}")
-        if not (math.isfinite(self.rate) and self.rate > 0):
-            raise ConfigError(f"rate = {self.rate}: must be finite and > 0")
-        if self.minibatch is not None and self.minibatch < 2:
-            raise ConfigError(f"minibatch = {self.minibatch}: at least 2 members, for an interval")
-        starts = [first for first, _ in self.curriculum]
-        if starts != sorted(set(starts)) or any(first < 0 for first in starts):
+        whole("iterations", self.iterations)
+        choice("optimizer", self.optimizer, OPTIMIZERS)
+        number("rate", self.rate, POSITIVE)
+        if self.minibatch is not None:  # at least 2 members, for an interval
+            whole("minibatch", self.minibatch, least=2)
+        whole("seed", self.seed, least=None)
+        starts = []
+        for i, pair in enumerate(several("curriculum", self.curriculum, object, "pairs")):
+            row = several(f"curriculum[{i}]", pair, object, "an iteration and a horizon")
+            if len(row) != 2:
+                raise ConfigError(f"curriculum[{i}] = {row}: give an iteration and a horizon")
+            starts.append(whole(f"curriculum[{i}] iteration", row[0], least=0))
+            number(f"curriculum[{i}] horizon", row[1], POSITIVE)
+        if starts != sorted(set(starts)):
             raise ConfigError(f"curriculum {list(self.curriculum)}: iterations must increase")
-        for _, horizon in self.curriculum:
-            if not (math.isfinite(horizon) and horizon > 0):
-                raise ConfigError(f"curriculum horizon {horizon}: must be finite and > 0")
 
     def horizon(self, iteration: int) -> float | None:
         """The longest horizon in force [s]; None for the members' own."""

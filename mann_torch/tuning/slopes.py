@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from ..checks import WITHIN_2, choice, function, instance, number, whole
 from ..errors import ConfigError
 from ..statistics import mean_and_half, student_factor
 
@@ -47,8 +48,10 @@ def differences(values: Values, z: Tensor, members: int, step: float) -> Slope:
     """Central differences of each coordinate at z (P,): the judge of all other modes.
 
     Exact to O(step^2) where the objective is smooth; across its jumps, the mean slope over
-    z - step to z + step. Costs 2 P rollouts a member.
+    z - step to z + step. Costs 2 P rollouts a member. Raises `ConfigError`, `KindError`.
     """
+    _check(values, z, members)
+    step = number("step", step, WITHIN_2)
     offsets = step * torch.eye(len(z), dtype=z.dtype)
     up, down = _antithetic(values, z, offsets.unsqueeze(1).expand(-1, members, -1))
     return Slope.of_members(((up - down) / (2.0 * step)).mT, _mean(up, down))
@@ -86,22 +89,29 @@ def smoothed(
     two slopes should be 0 on average: as much of it is taken off as least variance over the members
     asks for, unless its interval excludes 0, since then `plain` is not right.
 
-    Raises `ConfigError`.
+    Raises `ConfigError`, `KindError`.
     """
-    if not 0 < spread < 2:
-        raise ConfigError(f"spread = {spread}: must be > 0 and < 2")
-    if pairs < 1:
-        raise ConfigError(f"pairs = {pairs}: at least 1")
+    _check(values, z, members)
+    spread, pairs = number("spread", spread, WITHIN_2), whole("pairs", pairs)
+    choice("design", design, DESIGNS)
+    if generator is not None:
+        instance("generator", generator, torch.Generator)
+    if control is not None:
+        instance("control", control, Tensor)
     if design == "each":
         return _each(values, z, members, spread, pairs, generator, control)
-    if design != "joint":
-        raise ConfigError(f"design '{design}': choose from {', '.join(DESIGNS)}")
     if generator is None or members * pairs <= len(z):
         raise ConfigError(
             f"design 'joint': give a generator, and more pairs: {members} members x {pairs} pairs "
             f"can't tell {len(z)} coordinates apart"
         )
     return _joint(values, z, members, spread, pairs, generator, control)
+
+
+def _check(values: Values, z: Tensor, members: int) -> None:
+    function("values", values)
+    instance("z", z, Tensor)
+    whole("members", members)
 
 
 def _sizes(shape: tuple[int, ...], spread: float, generator: torch.Generator | None) -> Tensor:

@@ -9,6 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from ..checks import function, instance, number, several
 from ..errors import ConfigError, SolverError
 from ..trees import leaves, map_tensors
 from .coordinates import Coordinates
@@ -30,7 +31,7 @@ class Tuner:
     a judge and limits of one's own, a `Criterion`. `begin` (P,) are the coordinates to begin at, 0
     if not given; the objective is relative to the constants at 0 in any case.
 
-    Raises `ConfigError` where the parts do not fit.
+    Raises `ConfigError` where the parts do not fit, `KindError`.
     """
 
     ensemble: Ensemble
@@ -43,10 +44,17 @@ class Tuner:
     begin: Tensor | None = None
 
     def __post_init__(self) -> None:
+        instance("ensemble", self.ensemble, Ensemble)
+        instance("coordinates", self.coordinates, Coordinates)
+        function("objective", self.objective)
+        function("objective.measure", getattr(self.objective, "measure", None))
+        instance("gradient", self.gradient, GradientSettings)
+        instance("schedule", self.schedule, Schedule)
+        several("history", instance("history", self.history, list), dict)
         self.gradient.check(len(self.ensemble), self.coordinates, self.schedule.minibatch)
         self.z = torch.zeros(self.coordinates.size, dtype=torch.float64, requires_grad=True)
         if self.begin is not None:
-            self._begin_at(self.begin)
+            self._begin_at(instance("begin", self.begin, Tensor))
         self._start: dict[float | None, Any] = {}
         rate = self.schedule.rate
         self._optimizer: torch.optim.Optimizer | None = None
@@ -124,6 +132,7 @@ class Tuner:
         Where that contains 0, nothing told the tuner where to take a coordinate. (Later on an
         optimum is near, where it should.)
         """
+        share = number("share", share)
         rows = self.history[: max(1, math.ceil(share * len(self.history)))]
         gradient, half = (
             torch.tensor([row[name] for row in rows], dtype=torch.float64).nan_to_num()
@@ -222,13 +231,19 @@ class Tuner:
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on from a saved state. Raises `ConfigError` where it does not fit."""
-        if state["z"].shape != self.z.shape:
+        """Go on from a saved state. Raises `ConfigError` where it does not fit, `KindError`."""
+        if not {"z", "optimizer", "history"} <= set(instance("state", state, dict)):
+            raise ConfigError("state: give what `state_dict` gave, z, optimizer and history")
+        several("history", instance("history", state["history"], list), dict)
+        if instance("z", state["z"], Tensor).shape != self.z.shape:
             raise ConfigError(
                 f"checkpoint of {len(state['z'])} coordinates, this run has {len(self.z)}"
             )
         with torch.no_grad():
             self.z.copy_(state["z"])
         if self._optimizer is not None:
-            self._optimizer.load_state_dict(state["optimizer"])
+            try:
+                self._optimizer.load_state_dict(state["optimizer"])
+            except (KeyError, TypeError, ValueError, AttributeError) as error:
+                raise ConfigError(f"state: its optimizer does not fit: {error!r}") from None
         self.history = list(state["history"])

@@ -7,6 +7,7 @@ import math
 import torch
 from torch import Tensor
 
+from ...checks import flag
 from ...functional import solve_small, times_column
 from ...types import Linearization
 from .solver import Flow, Solver
@@ -27,14 +28,15 @@ class Implicit(Solver):
     same run is off by 2e-4 rad. At the default step the SRMSE of smooth controllers is within
     0.15 % of its limit in all of the paper's scenarios.
 
-    `compile` serves the torch engine; the compiled engine is compiled in any case.
+    `compile` serves the torch engine; the compiled engine is compiled in any case. Raises as
+    `Solver`.
     """
 
     def __init__(
         self, dt: float = 4e-3, compile: bool = False, follow_reference: bool = True
     ) -> None:
         super().__init__(dt, compile)
-        self.follow_reference = follow_reference
+        self.follow_reference = flag("follow_reference", follow_reference)
 
     @property
     def name(self) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from ...checks import POSITIVE, choice, number, whole
 from ...errors import ConfigError, SolverError
 from .solver import Flow, Solver
 
@@ -30,7 +31,7 @@ class Odeint(Solver):
     given. `scipy_solver` (LSODA) gives no gradient. A step that torchdiffeq refuses, or that needs
     more than `max_evaluations`, is repeated sample by sample: only those that fail come back NaN.
 
-    Raises `ConfigError` for an unknown method or a setting out of range.
+    Raises `ConfigError` for an unknown method or a setting out of range, `KindError`.
     """
 
     fuses_step = False
@@ -46,18 +47,12 @@ class Odeint(Solver):
         compile: bool = False,
     ) -> None:
         super().__init__(dt, compile)
-        if method not in METHODS:
-            raise ConfigError(f"unknown method '{method}'; choose from {', '.join(METHODS)}")
-        limits = {"rtol": rtol, "atol": atol, "max_step": max_step or dt}
-        for name, value in {**limits, "max_evaluations": max_evaluations}.items():
-            if not 0 < value < float("inf"):
-                raise ConfigError(f"{name} = {value}: must be finite and > 0")
-        if max_step is not None and max_step <= 0:
-            raise ConfigError(f"max_step = {max_step}: must be finite and > 0")
-        self.method, self.rtol, self.atol = method, rtol, atol
-        self.max_step, self.max_evaluations = max_step or dt, max_evaluations
+        self.method = choice("method", method, METHODS)
+        self.rtol, self.atol = number("rtol", rtol, POSITIVE), number("atol", atol, POSITIVE)
+        self.max_step = self.dt if max_step is None else number("max_step", max_step, POSITIVE)
+        self.max_evaluations = whole("max_evaluations", max_evaluations)
         # torchdiffeq lays out all inner steps before the first evaluation: memory, not time, ends.
-        if dt > max_evaluations * self.max_step:
+        if self.dt > self.max_evaluations * self.max_step:
             raise ConfigError(
                 f"max_step = {max_step}: dt = {dt} takes over {max_evaluations} inner steps "
                 "(max_evaluations)"

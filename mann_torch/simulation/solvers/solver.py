@@ -7,7 +7,7 @@ from typing import Protocol
 
 from torch import Tensor
 
-from ...errors import ConfigError
+from ...checks import POSITIVE, flag, number
 from ...types import Linearization
 
 
@@ -25,17 +25,15 @@ class Solver(ABC):
     """Interface of every solver. `dt` [s] is the step, and the interval of decisions.
 
     With `compile`, the rollout runs what `fuses_step` says through `torch.compile`.
-    Raises `ConfigError` unless dt is finite and > 0.
+    Raises `ConfigError` unless dt is finite and > 0, `KindError` for an argument of a wrong type.
     """
 
     #: True if the whole step can be compiled, False if only the vector field can.
     fuses_step = True
 
     def __init__(self, dt: float, compile: bool = False) -> None:
-        if not 0.0 < dt < float("inf"):
-            raise ConfigError(f"dt = {dt}: must be finite and > 0")
-        self.dt = dt
-        self.compile = compile
+        self.dt = number("dt", dt, POSITIVE)
+        self.compile = flag("compile", compile)
 
     @property
     @abstractmethod

@@ -1,0 +1,115 @@
+"""Calls of the memory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+
+import mann_torch as mt
+from mann_torch import memory
+from tests.conftest import randn
+from tests.public_calls.things import LOOP, Call
+
+CELL = mt.MemoryCell(3, 6, 4, mt.ReallocatingAttention("always"), dtype=torch.float64)
+STATE, X = CELL.initial_state((2,)), randn(2, 3)
+SEEN = CELL.attend(X, STATE)
+SEQUENCE = mt.MemorySequence(CELL)
+TRACE = SEQUENCE.trace(randn(5, 2, 3))
+MEMORY, HIDDEN = CELL.memory, randn(2, 6)
+
+
+def member(*index: Any) -> Any:
+    return TRACE.member(*index)
+
+
+CALLS: dict[str, Call] = {
+    "ReallocatingAttention": (
+        mt.ReallocatingAttention,
+        {"phase": "always", "shift_threshold": 0.2},
+    ),
+    "RelaxedAttention": (
+        mt.RelaxedAttention,
+        {"temperature": 0.1, "phase": "initial", "shift_threshold": 0.2},
+    ),
+    "StateKeys": (mt.StateKeys, {"key_rate": 1.0}),
+    "WorkingMemory": (
+        mt.WorkingMemory,
+        {
+            "n_slots": 3,
+            "n_hidden": 6,
+            "attention": mt.HardAttention(),
+            "key_rule": mt.StateKeys(),
+            "context_width": 2,
+            "write_gain": 0.5,
+            "reset": "raw",
+        },
+    ),
+    "WorkingMemory.initial_mode": (MEMORY.initial_mode, {"batch_shape": (2,)}),
+    "WorkingMemory.initial_state": (MEMORY.initial_state, {"hidden": HIDDEN, "context": X}),
+    "WorkingMemory.store_": (
+        MEMORY.store_,
+        {"state": mt.types.MemoryState(STATE.mu[0], STATE.keys[0]), "active": STATE.active[0]},
+    ),
+    "WorkingMemory.forward": (
+        MEMORY.forward,
+        {
+            "hidden": HIDDEN,
+            "correction": HIDDEN,
+            "context": X,
+            "memory": STATE.memory,
+            "mode": STATE.mode,
+        },
+    ),
+    "MemoryCell": (
+        mt.MemoryCell,
+        {
+            "input_size": 3,
+            "hidden_size": 6,
+            "n_slots": 4,
+            "attention": mt.SoftAttention(),
+            "key_rule": mt.StateKeys(),
+            "context_size": 2,
+            "output_size": 2,
+            "features": torch.nn.Linear(3, 6),
+            "clock": True,
+            "dt": 1.0,
+            "write_gain": 0.5,
+            "reset": "raw",
+            "dtype": torch.float32,
+        },
+    ),
+    "MemoryCell.initial_state": (CELL.initial_state, {"batch_shape": (2,)}),
+    "MemoryCell.initial_state_at": (CELL.initial_state_at, {"x": X}),
+    "MemoryCell.forward": (
+        CELL.forward,
+        {"x": X, "state": STATE, "correction": HIDDEN, "dt": 0.5},
+    ),
+    "MemoryCell.attend": (CELL.attend, {"x": X, "state": STATE, "dt": 0.5}),
+    "MemoryCell.write": (CELL.write, {"seen": SEEN, "correction": HIDDEN}),
+    "MemoryCell.output_of": (CELL.output_of, {"seen": SEEN}),
+    "MemoryCell.flow": (CELL.flow, {"x": X, "state": STATE, "correction": HIDDEN}),
+    "MemoryCell.jump": (CELL.jump, {"x": X, "state": STATE}),
+    "MemorySequence": (mt.MemorySequence, {"cell": CELL, "batch_first": True}),
+    "MemorySequence.forward": (
+        SEQUENCE.forward,
+        {"x": randn(5, 2, 3), "state": STATE, "dt": torch.ones(5, 2)},
+    ),
+    "MemorySequence.trace": (
+        SEQUENCE.trace,
+        {"x": randn(5, 2, 3), "state": STATE, "dt": torch.ones(5, 2)},
+    ),
+    "reallocation_log": (lambda trace: memory.reallocation_log(trace, 1), {"trace": TRACE}),
+    "MemoryTrace.member": (lambda index: member(index), {"index": 1}),
+    "relaxed": (mt.relaxed, {"module": LOOP, "temperature": 0.1}),
+    "memory_figure": (
+        mt.memory_figure,
+        {
+            "runs": {"one": TRACE.member(0)},
+            "t": TRACE.member(0)["attended"],
+            "title": "",
+            "marks": [1.0],
+            "t_label": "t",
+        },
+    ),
+}
