@@ -137,6 +137,7 @@ CALLS: dict[str, Call] = {
             "gradient": SETTINGS,
             "schedule": tuning.Schedule(1),
             "history": [],
+            "begin": None,
         },
     ),
     "Tuner.load_state_dict": (TUNER.load_state_dict, {"state": TUNER.state_dict()}),
