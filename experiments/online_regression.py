@@ -21,6 +21,7 @@ from omegaconf import OmegaConf
 from torch import Tensor
 
 from mann_torch import memory_figure
+from mann_torch.checks import NONNEGATIVE, number
 from mann_torch.errors import ConfigError
 from mann_torch.memory import MemoryTrace
 from mann_torch.trees import map_tensors
@@ -94,8 +95,7 @@ def checked(cfg: Any) -> OnlineRegressionConfig:
         raise ConfigError(f"rates = {plain.rates}: name each once, at least one")
     for rate in plain.rates:
         check_positive("rates", rate)
-    if not (math.isfinite(plain.shift_threshold) and plain.shift_threshold >= 0):
-        raise ConfigError(f"shift_threshold = {plain.shift_threshold}: must be finite and >= 0")
+    number("shift_threshold", plain.shift_threshold, NONNEGATIVE)
     if not plain.dt <= plain.window / 10 or not plain.window <= plain.visit_length / 2:
         raise ConfigError(f"window = {plain.window}: 10 dt or more, half of visit_length or less")
     visits = plain.n_functions * max(plain.visits, plain.tuning_visits)

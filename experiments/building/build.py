@@ -26,7 +26,7 @@ from mann_torch.signals import PiecewiseConstant
 from mann_torch.simulation import ADAPTIVE, FIXED, METHODS, check_engine
 from mann_torch.types import NetworkState, PlantState
 
-from ..settings.checks import holds_truth
+from ..settings.checks import check_horizon, holds_truth
 from ..settings.config import SimulateConfig, SolverConfig
 from .masses import mass_schedule
 from .sizes import check_rollouts, check_steps, hidden_neurons
@@ -97,8 +97,7 @@ def build_scenario(cfg: SimulateConfig) -> Scenario:
             raise ConfigError(f"{name} = {list(values)}: must be finite")
     parameters = arm_parameters(plant.masses, plant.lengths, plant.viscous, plant.coulomb)
     horizon = cfg.scenario.horizon if cfg.horizon is None else cfg.horizon
-    if not (math.isfinite(horizon) and horizon > 0):
-        raise ConfigError(f"horizon = {horizon}: must be finite and > 0")
+    check_horizon(horizon)
     times, masses = mass_schedule(cfg.scenario, plant.masses, horizon)
     return Scenario(
         reference=Sinusoid(cfg.scenario.amplitude, cfg.scenario.frequency, cfg.scenario.offset),

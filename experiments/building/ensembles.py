@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
@@ -13,6 +12,7 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from mann_torch import MeasurementNoise
+from mann_torch.checks import NONNEGATIVE, number
 from mann_torch.errors import ConfigError
 from mann_torch.tuning import Ensemble
 
@@ -91,8 +91,7 @@ def ensemble_of(
     Draw k has the same initial weights and the same noise in every scenario.
     """
     check_horizon(cfg.horizon)
-    if not (math.isfinite(cfg.effort_after) and cfg.effort_after >= 0):
-        raise ConfigError(f"effort_after = {cfg.effort_after}: must be finite and >= 0")
+    number("effort_after", cfg.effort_after, NONNEGATIVE)
     parts = [experiment_of(cfg, plain, draws) for plain in scenarios]
     scenario, network, own = side_by_side(parts)
     first, noise = parts[0], _noise(cfg.noise, draws, scenario.end)

@@ -14,6 +14,7 @@ import hydra
 
 from .completion import script
 from .conf_files import CONF
+from .failing import FAILED, fail, speak_any_terminal
 from .hydra_setup import register
 from .overrides import quote_numeric_names
 
@@ -56,7 +57,12 @@ def answer(command: str) -> None:
         line = re.sub(r"^\s*\S*python\S*\s+-m\s+(?=\S)", "", os.environ["COMP_LINE"])
         *words, last = line.split(" ")
         os.environ["COMP_LINE"] = " ".join([*quote_numeric_names(words), last])
-    hydra.main(version_base="1.3", config_path=str(CONF), config_name=command)(_nothing)()
+    speak_any_terminal()
+    try:
+        hydra.main(version_base="1.3", config_path=str(CONF), config_name=command)(_nothing)()
+        sys.stdout.flush()
+    except OSError as error:  # a pager that was closed, a disk that is full
+        fail(error, FAILED)
     sys.exit()
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from mann_torch.checks import POSITIVE, number
 from mann_torch.errors import ConfigError
 
 
@@ -19,8 +19,7 @@ def check_between(cfg: Any, limits: Mapping[str, tuple[int, int]], where: str = 
 
 def check_positive(name: str, value: float) -> None:
     """Raise `ConfigError` for a number that is not finite and > 0."""
-    if not (math.isfinite(value) and value > 0):
-        raise ConfigError(f"{name} = {value}: must be finite and > 0")
+    number(name, value, POSITIVE)
 
 
 def check_horizon(horizon: float | None) -> None:

@@ -263,6 +263,15 @@ def test_a_closed_stdout_is_one_line(tmp_path: Path) -> None:
     assert process.wait() == 1 and said[-1] == "error: stdout was closed before the end"
 
 
+def test_help_into_a_closed_pipe_is_one_line() -> None:
+    line = [sys.executable, "-m", "experiments.simulate", "--help"]
+    process = subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout is not None and process.stderr is not None
+    process.stdout.close()
+    assert process.stderr.read() == b"error: stdout was closed before the end\n"
+    assert process.wait() == 1
+
+
 @pytest.mark.slow
 def test_without_stdout_or_stderr_a_run_finishes(tmp_path: Path) -> None:
     for closed in ("1>&-", "2>&-"):

@@ -549,7 +549,8 @@ def test_help_says_what_for_and_its_examples_compose(
     for example in said.examples.values():
         assert example in out
         for overrides in jobs_of(quote_numeric_names(example.split())):
-            cli.compose_job(command, overrides)
+            mine = [o for o in overrides if not o.startswith("hydra/launcher=")]  # an extra
+            cli.compose_job(command, mine)
 
 
 def test_run_folders_of_runs_started_at_once_differ() -> None:
