@@ -18,7 +18,7 @@ import torch
 import mann_torch as mt
 from mann_torch.trees import map_tensors
 from tests.simulation.by_hand import equations_of
-from tests.simulation.papers import SCENARIOS, Side, side
+from tests.simulation.papers import APART, SCENARIOS, Side, side
 from tests.simulation.switching_by_hand import Event, Rule, Switching
 
 
@@ -104,3 +104,10 @@ def test_up_to_the_first_chattering_slots_and_states_are_radaus(name: str, numbe
 @pytest.mark.parametrize("name", ISOLATED)
 def test_fifty_seconds_of_isolated_events_are_radaus(name: str, number: int) -> None:
     assert check(name, number, LONG) == LONG.horizon
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", ["4_long_arm", "5", "6"])
+def test_hard_attention_from_slots_that_start_apart_is_radaus(scenario: str) -> None:
+    """A switch or two by representation keys before slots chatter, if they do in 10 s."""
+    assert check("hard" + APART, SCENARIOS.index(scenario), MIDDLE) > 1.0
