@@ -32,7 +32,7 @@ from .runs.life import finish
 from .runs.parts import all_parts, npz_parts
 from .runs.pictures import check_pictures
 from .settings.checks import check_between, check_horizon
-from .settings.config import SimulateConfig
+from .settings.config import LoopConfig
 from .settings.ensemble_config import EnsembleConfig
 from .settings.machine import check_workers
 
@@ -75,13 +75,11 @@ def checked(cfg: Any) -> EnsembleConfig:
 
 def run_alone() -> str:
     """The `simulate` command of one rollout, but for its draw and masses."""
-    own = {field.name for field in dataclasses.fields(EnsembleConfig)}
-    own -= {field.name for field in dataclasses.fields(SimulateConfig)}
-    own |= {"run_dir", "output", "initial.draw", "plant.masses"}
+    shared = {field.name for field in dataclasses.fields(LoopConfig)} - {"run_dir"}
     kept = []
     for override in map(as_typed, HydraConfig.get().overrides.task):
         name = override.lstrip("+~").partition("=")[0]
-        if name not in own and name.partition(".")[0] not in own:
+        if name.partition(".")[0] in shared and name not in ("initial.draw", "plant.masses"):
             kept.append(override)
     return shlex.join(["python", "-m", "experiments.simulate", *kept])
 

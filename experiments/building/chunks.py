@@ -13,7 +13,7 @@ from mann_torch import rollout
 from ..ensembles.rollouts import Chunk
 from ..records.recording import metrics_of
 from ..runs.workers import peak_mb
-from ..settings.config import SimulateConfig
+from ..settings.config import LoopConfig, SimulateConfig
 from ..settings.ensemble_config import EnsembleConfig
 from .build import Experiment, build
 from .random_masses import random_masses, with_masses
@@ -24,8 +24,7 @@ MOTION_DT = 10.0
 
 def experiment_of(cfg: EnsembleConfig, first: int, count: int) -> Experiment:
     """Rollouts first to first + count - 1 as one batch. Raises `ConfigError`."""
-    names = {field.name for field in dataclasses.fields(SimulateConfig)}
-    names &= {field.name for field in dataclasses.fields(EnsembleConfig)}
+    names = [field.name for field in dataclasses.fields(LoopConfig)]
     plain = dataclasses.replace(
         SimulateConfig(**{name: getattr(cfg, name) for name in names}),
         initial=dataclasses.replace(cfg.initial, draw=cfg.initial.draw + first),

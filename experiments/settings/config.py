@@ -115,7 +115,9 @@ class OutputConfig(PicturesConfig):
 
 
 @dataclass
-class SimulateConfig:
+class LoopConfig:
+    """One scenario under one controller: what `simulate` and `ensemble` are told alike."""
+
     plant: PlantConfig = field(default_factory=PlantConfig)
     keys: KeysConfig = field(default_factory=KeysConfig)
     controller: ControllerConfig = field(default_factory=ControllerConfig)
@@ -124,11 +126,15 @@ class SimulateConfig:
     scenario: ScenarioConfig = field(default_factory=ScenarioConfig)
     solver: SolverConfig = field(default_factory=SolverConfig)
     initial: InitialConfig = field(default_factory=InitialConfig)
-    output: OutputConfig = field(default_factory=OutputConfig)
     horizon: float | None = None  # [s], the scenario's own if null
-    draws: int = 1
     seed: int = 0
     run_dir: str | None = None
+
+
+@dataclass
+class SimulateConfig(LoopConfig):
+    output: OutputConfig = field(default_factory=OutputConfig)
+    draws: int = 1
 
 
 @dataclass
