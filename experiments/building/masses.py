@@ -6,9 +6,11 @@ import math
 import re
 from typing import Any
 
-import numpy as np
+import torch
+from torch import Tensor
 
 from mann_torch.errors import ConfigError
+from mann_torch.functional import Numbers
 from mann_torch.signals import growing_square, multiplied
 
 from ..settings.config import MassGrowthConfig, ScenarioConfig
@@ -19,9 +21,11 @@ _SQRT = re.compile(r"sqrt\(\s*([0-9.eE+-]+)\s*\)")
 
 
 def mass_schedule(
-    scenario: ScenarioConfig, masses: list[float], horizon: float
-) -> tuple[list[float], list[list[float]]]:
-    """Jump times [s] and mass rows [kg] of a scenario, up to its horizon."""
+    scenario: ScenarioConfig, masses: Numbers, horizon: float
+) -> tuple[list[float], Tensor]:
+    """Jump times [s] of a scenario up to its horizon, and masses (..., K + 1, 2) [kg] before,
+    between and after them, from those at the start (..., 2).
+    """
     growth = scenario.mass_growth or MassGrowthConfig()
     increment, period = growth.increment, growth.period
     if increment is not None or period is not None:
@@ -45,14 +49,16 @@ def mass_schedule(
     return times, _possible(times, multiplied(masses, factors), "mass_jumps")
 
 
-def _possible(times: list[float], rows: list[list[float]], where: str) -> list[list[float]]:
+def _possible(times: list[float], rows: Tensor, where: str) -> Tensor:
     """The rows, if the plant can compute with every one: it multiplies masses by each other."""
-    later = np.array([[np.asarray(mass) for mass in row] for row in rows[1:]])
-    bad = np.argwhere(~((later >= LEAST_MASS) & (later <= MOST_MASS)))
+    later = rows[..., 1:, :].reshape(-1, len(times), rows.shape[-1])
+    bad = torch.nonzero(~((later >= LEAST_MASS) & (later <= MOST_MASS)))
     if len(bad):
+        member, jump, joint = bad[0].tolist()
         raise ConfigError(
-            f"scenario.{where}: from {times[bad[0][0]]:g} s on a mass is {later[tuple(bad[0])]:g} "
-            f"kg; {LEAST_MASS:g} to {MOST_MASS:g} kg can be computed with"
+            f"scenario.{where}: from {times[jump]:g} s on a mass is "
+            f"{float(later[member, jump, joint]):g} kg; {LEAST_MASS:g} to {MOST_MASS:g} kg can be "
+            "computed with"
         )
     return rows
 

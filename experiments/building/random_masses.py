@@ -40,9 +40,7 @@ def with_masses(scenario: Scenario, cfg: SimulateConfig, masses: Tensor) -> Scen
 
     Its schedule is computed by what computes one rollout's, all rollouts at once: the same bits.
     """
-    columns = cast(list[float], list(masses.unbind(-1)))
-    times, rows = mass_schedule(cfg.scenario, columns, scenario.end)
-    values = torch.stack([torch.stack(cast(list[Tensor], row), -1) for row in rows], -2)
+    times, values = mass_schedule(cfg.scenario, masses, scenario.end)
     at = torch.tensor(times, dtype=torch.float64).expand(len(masses), len(times))
     parameters = cast(ArmParameters, scenario.parameters)._replace(masses=masses)
     schedule = {**scenario.schedule, "masses": PiecewiseConstant(at, values)}

@@ -66,6 +66,8 @@ def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[An
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name=config_name)
     os.environ["HYDRA_FULL_ERROR"] = "1"  # what fails comes here, and Hydra prints nothing
     try:
+        if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # until now it ended at once
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         try:
             entry(_guarded(task, debugged))()
         finally:  # after Ctrl-C too

@@ -89,30 +89,39 @@ class PiecewiseConstant:
         return PiecewiseConstant(torch.stack(times), torch.stack(values))
 
 
-def multiplied(initial: Sequence[float], factors: Sequence[float]) -> list[list[float]]:
-    """Rows of values that start at `initial` and are multiplied by one factor a jump.
+def multiplied(initial: Numbers, factors: Numbers) -> Tensor:
+    """Rows (..., K + 1, d) that start at `initial` (..., d) and change by one of K factors a jump.
 
     Raises `KindError` or `ShapeError`.
     """
-    rows = [_row("initial", initial)]
+    rows = [_rows("initial", initial)]
     for factor in _row("factors", factors):
-        rows.append([factor * value for value in rows[-1]])
+        rows.append(factor * rows[-1])
+    return torch.stack(rows, dim=-2)
+
+
+def growing_square(initial: Numbers, increment: float, jumps: int) -> Tensor:
+    """Rows m(n) = m(0) sqrt(1 + increment n): the paper's m^2 -> m^2 + increment m(0)^2.
+
+    (..., jumps + 1, d) from `initial` (..., d). Raises `KindError` or `ShapeError`, and
+    `ConfigError` where a mass would not stay >= 0.
+    """
+    start, jumps = _rows("initial", initial), whole("jumps", jumps, least=0)
+    if 1.0 + number("increment", increment) * jumps < 0:
+        raise ConfigError(f"increment = {increment}: after {jumps} jumps nothing is left")
+    roots = [(1.0 + increment * n) ** 0.5 for n in range(jumps + 1)]
+    return start.unsqueeze(-2) * torch.tensor(roots, dtype=torch.float64).unsqueeze(-1)
+
+
+def _rows(name: str, numbers: Numbers) -> Tensor:
+    rows = as_float64(numbers, name)
+    if rows.dim() < 1:
+        raise ShapeError(f"{name} has shape {tuple(rows.shape)}: give a row of numbers")
     return rows
 
 
-def growing_square(initial: Sequence[float], increment: float, jumps: int) -> list[list[float]]:
-    """Rows m(n) = m(0) sqrt(1 + increment n): the paper's m^2 -> m^2 + increment m(0)^2.
-
-    Raises `KindError` or `ShapeError`, and `ConfigError` where a mass would not stay >= 0.
-    """
-    initial, jumps = _row("initial", initial), whole("jumps", jumps, least=0)
-    if 1.0 + number("increment", increment) * jumps < 0:
-        raise ConfigError(f"increment = {increment}: after {jumps} jumps nothing is left")
-    return [[value * (1.0 + increment * n) ** 0.5 for value in initial] for n in range(jumps + 1)]
-
-
 def _row(name: str, numbers: Numbers) -> list[float]:
-    row = as_float64(numbers, name)
+    row = _rows(name, numbers)
     if row.dim() != 1:
         raise ShapeError(f"{name} has shape {tuple(row.shape)}: give a row of numbers")
     return list(row.tolist())

@@ -38,8 +38,10 @@ def test_stacked_schedules_keep_their_own_times() -> None:
 
 
 def test_mass_rules_of_the_paper() -> None:
-    assert multiplied([0.8, 2.3], [2.0, 0.5]) == [[0.8, 2.3], [1.6, 4.6], [0.8, 2.3]]
-    rows = growing_square([0.8, 2.3], 0.2, 5)
+    rows = multiplied([[0.8, 2.3], [0.5, 1.0]], [2.0, 0.5])
+    assert rows[0].tolist() == [[0.8, 2.3], [1.6, 4.6], [0.8, 2.3]]
+    assert torch.equal(rows[1], multiplied([0.5, 1.0], [2.0, 0.5]))
+    rows = growing_square([0.8, 2.3], 0.2, 5).tolist()
     for before, after in itertools.pairwise(rows):
         for j, start in enumerate((0.8, 2.3)):
             assert after[j] ** 2 == pytest.approx(before[j] ** 2 + 0.2 * start**2, rel=1e-14)
