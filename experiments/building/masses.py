@@ -51,14 +51,13 @@ def mass_schedule(
 
 def _possible(times: list[float], rows: Tensor, where: str) -> Tensor:
     """The rows, if the plant can compute with every one: it multiplies masses by each other."""
-    later = rows[..., 1:, :].reshape(-1, len(times), rows.shape[-1])
+    later = rows[..., 1:, :]
     bad = torch.nonzero(~((later >= LEAST_MASS) & (later <= MOST_MASS)))
     if len(bad):
-        member, jump, joint = bad[0].tolist()
+        place = tuple(bad[0].tolist())
         raise ConfigError(
-            f"scenario.{where}: from {times[jump]:g} s on a mass is "
-            f"{float(later[member, jump, joint]):g} kg; {LEAST_MASS:g} to {MOST_MASS:g} kg can be "
-            "computed with"
+            f"scenario.{where}: from {times[place[-2]]:g} s on a mass is {float(later[place]):g} "
+            f"kg; {LEAST_MASS:g} to {MOST_MASS:g} kg can be computed with"
         )
     return rows
 

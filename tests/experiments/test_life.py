@@ -341,6 +341,8 @@ def test_ctrl_c_at_any_time_is_one_line(waits: tuple[float, ...], tmp_path: Path
             tmp_path / f"run{wait}",
             *("simulate", "controller=nn", "solver.engine=torch", "horizon=60"),
             start_new_session=True,
+            # A shell's background jobs, these tests perhaps, ignore Ctrl-C, and so would the run.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
         time.sleep(wait)
         process.send_signal(signal.SIGINT)
