@@ -73,4 +73,4 @@ def test_compiled_steps_of_the_torch_engine_equal_eager_ones() -> None:
     np.testing.assert_allclose(compiled.srmse, eager.srmse, rtol=1e-12)
     assert eager.engine == "eager"
     if shutil.which("g++"):
-        assert compiled.engine == "compiled"
+        assert compiled.engine == "torch.compile"

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 #: SRMSE of scenario 1 to all constants of soft attention; the process's high water mark only grows.
 CODE = """
 import json, torch, mann_torch as mt
-from experiments.benchmarking.measure import peak_mb
+from experiments.runs.workers import peak_mb
 from tests.simulation.papers import side
 
 def gradient(horizon):
