@@ -21,7 +21,8 @@ from omegaconf import OmegaConf
 from mann_torch.errors import ConfigError
 
 from .building.chunks import experiment_of, run_chunk
-from .building.ensembles import check_copies
+from .building.sizes import check_rollouts
+from .building.weights import MOST_DRAWS, check_draws
 from .command.cli import command_line, reject_unknown, run_cli
 from .command.overrides import as_typed
 from .ensembles.report import Told, write_ensembles
@@ -39,9 +40,6 @@ from .settings.machine import check_workers
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Rollouts and draws are numbered below this.
-NUMBERS = 1 << 20
-
 
 def main() -> None:
     """Command line of `python -m experiments.ensemble`."""
@@ -52,7 +50,7 @@ def checked(cfg: Any) -> EnsembleConfig:
     """A composed configuration as plain dataclasses, its names, types and ranges verified."""
     reject_unknown(cfg, EnsembleConfig)
     plain = cast(EnsembleConfig, OmegaConf.to_object(cfg))
-    check_between(plain, {"first": (0, NUMBERS - 1), "rollouts": (1, NUMBERS)})
+    check_between(plain, {"first": (0, MOST_DRAWS - 1), "rollouts": (1, MOST_DRAWS)})
     check_between(plain, {"chunk": (1, 10_000)})
     check_pictures(plain.output)
     check_horizon(plain.horizon)
@@ -60,12 +58,8 @@ def checked(cfg: Any) -> EnsembleConfig:
     if not 0 <= plain.masses.spread < 1:
         raise ConfigError(f"masses.spread = {plain.masses.spread}: must be >= 0 and < 1")
     first, last = plain.first, plain.first + plain.rollouts - 1
-    if not 0 <= plain.initial.draw <= plain.initial.draw + last < NUMBERS:
-        raise ConfigError(
-            f"initial.draw = {plain.initial.draw}, first = {first}, rollouts = {plain.rollouts}: "
-            "draws must be >= 0 and < 2^20"
-        )
-    check_copies(plain, plain.chunk * plain.workers, f"chunk = {plain.chunk}")
+    check_draws(plain, range(first, last + 1))
+    check_rollouts(f"chunk = {plain.chunk}", plain, plain.chunk * plain.workers)
     if plain.initial.weights_file is None:
         experiment_of(plain, last, 1)
     else:  # which may lack any of them

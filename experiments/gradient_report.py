@@ -19,7 +19,8 @@ from omegaconf import OmegaConf
 from mann_torch.errors import ConfigError
 from mann_torch.tuning import Coordinates, Ensemble
 
-from .building.ensembles import check_copies, ensemble_of
+from .building.ensembles import ensemble_of
+from .building.sizes import check_rollouts
 from .command.cli import command_line, reject_unknown, run_cli
 from .gradients.elasticities import Findings, difference_name, estimate_all
 from .gradients.figures import landscapes, norms
@@ -67,7 +68,7 @@ def checked(cfg: Any) -> tuple[GradientReportConfig, Ensemble, Coordinates]:
         plant=plain.plant, constants=plain.constants, scenario=plain.scenario
     )
     copies = 2 * len(plain.names) * max(plain.pairs, 1)
-    check_copies(plain, copies * plain.draws, f"draws = {plain.draws}, pairs = {plain.pairs}")
+    check_rollouts(f"draws = {plain.draws}, pairs = {plain.pairs}", plain, copies * plain.draws)
     ensemble = ensemble_of(plain, [simulated], range(plain.draws))
     ensemble = dataclasses.replace(ensemble, effort_after=None)
     controller = ensemble.loop.controller

@@ -25,7 +25,7 @@ from .records.recording import log_summary, summary_writer
 from .reproduction import golden as gold
 from .reproduction import tables
 from .reproduction.claims import Finding, findings
-from .reproduction.jobs import JobResult, batches, check_memory_of, n_steps, run_job
+from .reproduction.jobs import JobResult, batches, check_recorded, n_steps, run_job
 from .reproduction.plan import Job, judges_claims, plan
 from .reproduction.results import Results
 from .reproduction.tables import Cell
@@ -59,7 +59,7 @@ def checked(cfg: Any) -> tuple[ReproduceConfig, list[Job], gold.GoldenFile | Non
     if not jobs:
         raise ConfigError("nothing to do: no tables, figures or claims are chosen")
     for job in jobs:
-        check_memory_of(plain, job)
+        check_recorded(plain, job)
         batches(plain, job)
     return plain, jobs, golden
 

@@ -20,11 +20,10 @@ from ..command.cli import compose_job
 from ..command.conf_files import group_names
 from ..settings.checks import check_horizon
 from ..settings.config import SimulateConfig
-from ..settings.ensemble_config import EnsembleConfig
 from ..settings.study_config import NoiseConfig, StudyConfig, TuneConfig
 from .batching import side_by_side
 from .build import Experiment, build
-from .sizes import check_noise, check_rollouts
+from .sizes import check_noise
 
 
 @functools.cache
@@ -119,12 +118,6 @@ def _noise(cfg: NoiseConfig, draws: Sequence[int], end: float) -> MeasurementNoi
     if cfg.rate is not None:
         check_noise(f"noise.rate = {cfg.rate:g}", cfg.rate * end, len(draws))
     return noise
-
-
-def check_copies(cfg: StudyConfig | EnsembleConfig, count: int, what: str) -> None:
-    """Raise `ConfigError` where `count` rollouts side by side do not fit the machine."""
-    plain = SimulateConfig(controller=cfg.controller, memory=cfg.memory)
-    check_rollouts(f"{what}: {count} rollouts side by side", plain, count)
 
 
 def tuned_ensemble(cfg: TuneConfig, scenarios: Sequence[str], draws: Sequence[int]) -> Ensemble:

@@ -7,9 +7,12 @@ from mann_torch.errors import ConfigError
 from mann_torch.plants import TwoLinkArm
 
 from ..settings.checks import check_positive
-from ..settings.config import SimulateConfig
+from ..settings.config import LoopConfig, SimulateConfig
 from ..settings.machine import check_memory
+from ..settings.study_config import StudyConfig
 
+#: Settings that say how large a state is: a controller and a memory.
+Sized = LoopConfig | StudyConfig
 _FLOAT = 8
 #: A state is there at least as initial weights, as what a rollout starts from, and as its end.
 _COPIES = 3
@@ -17,7 +20,7 @@ _COPIES = 3
 MOST_STEPS = 1e8
 
 
-def hidden_neurons(cfg: SimulateConfig) -> int:
+def hidden_neurons(cfg: Sized) -> int:
     """N, given or such that the number of parameters equals that of a network with memory."""
     if cfg.controller.n_hidden is not None:
         return cfg.controller.n_hidden
@@ -30,14 +33,14 @@ def hidden_neurons(cfg: SimulateConfig) -> int:
     return equal_parameter_hidden(5 * n, n, hidden, slots)
 
 
-def rollout_bytes(cfg: SimulateConfig) -> float:
+def rollout_bytes(cfg: Sized) -> float:
     """Of one state: joints, W, b_w, V, b_v, and mu and keys where there is a memory."""
     n, N = TwoLinkArm.n_joints, hidden_neurons(cfg)
     slots = cfg.memory.n_slots if cfg.controller.attention is not None else 0
     return float(_FLOAT * (2 * n + n * (N + 1) + N * (5 * n + 1) + slots * (N + n)))
 
 
-def check_rollouts(what: str, cfg: SimulateConfig, count: int) -> None:
+def check_rollouts(what: str, cfg: Sized, count: int) -> None:
     """Raise `ConfigError` where `count` rollouts side by side do not fit the machine."""
     sizes = f"controller.n_hidden = {hidden_neurons(cfg)}"
     if cfg.controller.attention is not None:
@@ -60,8 +63,8 @@ def check_noise(what: str, instants: float, streams: int) -> None:
     check_memory(what, 2 * TwoLinkArm.n_joints * _FLOAT * instants * streams)
 
 
-def check_samples(cfg: SimulateConfig, horizon: float, sample_dt: float, count: int = 1) -> None:
-    """Raise `ConfigError` where the states of `count` times `draws`, as recorded, are too many."""
+def check_samples(cfg: SimulateConfig, horizon: float, sample_dt: float) -> None:
+    """Raise `ConfigError` where the states of all draws, as recorded, are too many."""
     check_positive("output.sample_dt", sample_dt)
     if horizon / sample_dt > MOST_STEPS:
         raise ConfigError(
@@ -70,5 +73,5 @@ def check_samples(cfg: SimulateConfig, horizon: float, sample_dt: float, count: 
         )
     check_memory(
         f"draws = {cfg.draws}, {horizon:g} s sampled every {sample_dt:g} s",
-        count * cfg.draws * rollout_bytes(cfg) * (horizon / sample_dt),
+        cfg.draws * rollout_bytes(cfg) * (horizon / sample_dt),
     )

@@ -14,21 +14,23 @@ from mann_torch.errors import ConfigError, WeightsFileError
 from mann_torch.types import NetworkState
 
 from ..runs.array_file import READ_ERRORS, ArrayFile
-from ..settings.config import SimulateConfig
+from ..settings.config import LoopConfig, SimulateConfig
 
 #: Draws are numbered below this: seed and number share a generator's 64 bits.
 MOST_DRAWS = 1 << 20
 
 
-def check_draws(cfg: SimulateConfig, draws: Sequence[int]) -> None:
+def check_draws(cfg: LoopConfig, draws: Sequence[int]) -> None:
     """Raise `ConfigError` for no draw, or where one (from `initial.draw` on) or the seed is off."""
     if len(draws) < 1:
         raise ConfigError(f"draws = {len(draws)}: at least 1")
+    if len(draws) > MOST_DRAWS:  # to look for the largest of them would take its time
+        raise ConfigError(f"draws = {len(draws)}: at most {MOST_DRAWS}")
     first = cfg.initial.draw
     if not 0 <= first <= first + min(draws) <= first + max(draws) < MOST_DRAWS:
         raise ConfigError(
-            f"initial.draw = {first}, draws {min(draws)} to {max(draws)} from there: must be >= 0 "
-            f"and < {MOST_DRAWS}"
+            f"initial.draw = {first}, draws {min(draws)} to {max(draws)} from there: draws must be "
+            f">= 0 and < {MOST_DRAWS}"
         )
     if not 0 <= cfg.seed < 1 << 32:
         raise ConfigError(f"seed = {cfg.seed}: must be >= 0 and < 2^32")

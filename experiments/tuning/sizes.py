@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mann_torch.tuning import Tuner
 
-from ..building.ensembles import check_copies
+from ..building.sizes import check_rollouts
 from ..settings.checks import check_between
 from ..settings.study_config import TuneConfig
 
@@ -19,7 +19,8 @@ def check_sizes(cfg: TuneConfig, tuner: Tuner, candidates: int) -> None:
     check_between(cfg.schedule, {"iterations": (1, MOST_ITERATIONS)}, "schedule.")
     members = min(len(tuner.ensemble), tuner.schedule.minibatch or len(tuner.ensemble))
     copies = members * tuner.gradient.copies_for(members, tuner.coordinates.size)
-    check_copies(cfg, copies, f"gradient.pairs = {cfg.gradient.pairs}")
+    check_rollouts(f"gradient.pairs = {cfg.gradient.pairs}", cfg, copies)
     if cfg.judge:
         draws = len(cfg.held_out.draws)
-        check_copies(cfg, candidates * draws, f"grid and held_out.draws, {candidates} x {draws}")
+        what = f"grid and held_out.draws, {candidates} x {draws}"
+        check_rollouts(what, cfg, candidates * draws)

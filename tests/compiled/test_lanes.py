@@ -198,7 +198,7 @@ def go(horizon):
         loss.backward()
 
 go(0.1)
-loss = run(300.0) if backward else None
+loss = run(3000.0) if backward else None  # seconds: longer than the wait before Ctrl-C
 print("ready", flush=True)
 try:
     loss.backward() if backward else run(20000.0)

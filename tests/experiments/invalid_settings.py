@@ -140,6 +140,14 @@ def invalid(count: int, seed: int) -> Iterator[tuple[str, list[str]]]:
         yield command, [f"{name}={chance.choice(_spoiled(name, value))}"]
 
 
+def too_large(command: str) -> Iterator[list[str]]:
+    """Every size and count of a command, as large as can be typed."""
+    for name, _ in _leaves(compose_job(command, [])):
+        if name in _SIZES:
+            yield [f"{name}=1000000000000"]
+            yield [f"{name}=9000000000000000000"]
+
+
 def _leaves(node: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Settings by dotted name: numbers, names, and lists of numbers."""
     if prefix.startswith(("run_dir", "tables.", "figures.", "variants.", "grid.", "golden.")):

@@ -24,7 +24,7 @@ from experiments.simulate import checked
 from mann_torch.errors import ConfigError, WeightsFileError
 from mann_torch.trees import leaves
 from tests.experiments.command import exit_code
-from tests.experiments.invalid_settings import COMMANDS, invalid
+from tests.experiments.invalid_settings import COMMANDS, invalid, too_large
 
 ROOT = Path(__file__).parents[2]
 
@@ -43,6 +43,23 @@ def test_invalid_settings_are_one_line_exit_code_2_and_no_folder(
         assert not any(tmp_path.iterdir()), (command, arguments)
         seen.add(command)
     assert seen == set(COMMANDS)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_no_size_is_too_large_to_be_refused_at_once(
+    command: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    main = importlib.import_module(f"experiments.{command}").main
+    for arguments in too_large(command):
+        began = time.monotonic()
+        assert exit_code(monkeypatch, main, *arguments) == 2, arguments
+        assert time.monotonic() - began < 20, arguments
+        assert capsys.readouterr().err.count("\n") == 1
+    assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.slow
