@@ -56,6 +56,15 @@ class Positive(Domain):
         return bool((value > 0).all())
 
 
+class Finite(Domain):
+    """Any finite number."""
+
+    text = "finite"
+
+    def contains(self, value: Tensor) -> bool:
+        return True
+
+
 class NonNegative(Domain):
     """Finite and >= 0."""
 

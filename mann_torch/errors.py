@@ -25,6 +25,10 @@ class DtypeError(ConfigError):
     """A tensor is not float64. float32 time has steps of 3e-5 s at t = 329 s."""
 
 
+class InterfaceError(ConfigError, TypeError):
+    """A part of one's own does not keep its interface's contract; the message says what to mend."""
+
+
 class RecordError(ConfigError):
     """A rollout did not keep what it is asked for; the message says what to ask of it."""
 

@@ -12,30 +12,56 @@ from typing import Any, NamedTuple
 
 from torch import Tensor
 
+from .errors import InterfaceError
 from .trees import portable
 
 
-class Measurement(NamedTuple):
-    """What the controller sees of the plant (paper: x, dx/dt)."""
+class Channel(NamedTuple):
+    """One number that goes into a plant or comes out of it: how tables and pictures call it."""
 
-    q: Tensor  # (..., n) joint position [rad]
-    qd: Tensor  # (..., n) joint velocity [rad/s]
+    name: str
+    unit: str
+
+
+class Measurement(NamedTuple):
+    """What a controller sees of a mechanical plant (paper: x, dx/dt)."""
+
+    q: Tensor  # (..., n) position [rad]
+    qd: Tensor  # (..., n) velocity [rad/s]
 
 
 class ReferenceSample(NamedTuple):
-    """Desired trajectory at one time (paper: s, ds/dt, d2s/dt2)."""
+    """Desired output at one time, with as many time derivatives as the reference has.
 
-    q: Tensor  # (..., n) [rad]
-    qd: Tensor  # (..., n) [rad/s]
-    qdd: Tensor  # (..., n) [rad/s^2]
+    Paper: s, ds/dt, d2s/dt2. `upto` is how a controller asks for them.
+    """
+
+    value: Tensor  # (..., p), in the output's units
+    rate: Tensor | None = None  # (..., p), per s
+    acceleration: Tensor | None = None  # (..., p), per s^2
+    jerk: Tensor | None = None  # (..., p), per s^3
+    snap: Tensor | None = None  # (..., p), per s^4
+
+    def upto(self, order: int) -> tuple[Tensor, ...]:
+        """The value and its first `order` derivatives. Raises `InterfaceError` if one is not there.
+
+        `reference_order` of a controller says how many it asks for: a loop checks that.
+        """
+        found = tuple(part for part in self[: order + 1] if part is not None)
+        if len(found) <= order:
+            raise InterfaceError(
+                f"derivative {order} of the reference is asked for, it has {len(found) - 1}: "
+                "the controller's reference_order must say so"
+            )
+        return found
 
 
 @portable
 class PlantState(NamedTuple):
-    """State of the arm."""
+    """State of a mechanical plant."""
 
-    q: Tensor  # (..., n) [rad]
-    qd: Tensor  # (..., n) [rad/s]
+    q: Tensor  # (..., n) position [rad]
+    qd: Tensor  # (..., n) velocity [rad/s]
 
 
 @portable
@@ -138,34 +164,56 @@ class ControlSignals(NamedTuple):
 class ControlOutput(NamedTuple):
     """Result of one controller evaluation."""
 
-    torque: Tensor  # (..., n) [N m]
-    d_state: ControllerState
-    signals: ControlSignals
+    input: Tensor  # (..., m) what the plant is given, in its inputs' units (paper: tau)
+    d_state: Any  # time derivative of the controller's state, a tree like it
+    signals: Any  # a NamedTuple of quantities worth plotting, or None
 
 
-class TorqueGains(NamedTuple):
-    """How the torque answers to position, velocity and time."""
+class InputGains(NamedTuple):
+    """How a controller's input answers to what is measured and to time."""
 
-    position: Tensor  # (..., n, n) -d tau/d q [N m/rad]
-    rate: Tensor  # (..., n, n) -d tau/d qd [N m s/rad]
-    drift: Tensor  # (..., n) d tau/d t while the state stands still [N m/s]
+    measurement: Tensor  # (..., m, Y) -d input/d measurement, fields of the measurement in order
+    drift: Tensor  # (..., m) d input/d t while the measurement stands still
 
 
-class Linearization(NamedTuple):
-    """The stiff block of the loop: d(qdd) = -stiffness dq - damping d(qd) + drift dt."""
-
-    stiffness: Tensor  # (..., n, n) [1/s^2]
-    damping: Tensor  # (..., n, n) [1/s]
-    drift: Tensor  # (..., n) [rad/s^3]
+# Trees of tensors, or None, of a controller's own: its state and its discrete mode.
+ControllerTree = Any
+Mode = Any
 
 
 @portable
 class LoopState(NamedTuple):
-    """State of plant and controller together: what an ODE solver integrates."""
+    """State of all parts of a loop together: what an ODE solver integrates.
 
-    plant: PlantState
-    controller: ControllerState
+    The plant's comes first; None where a part is missing or has no state.
+    """
+
+    plant: Any
+    controller: ControllerTree
+    actuator: Any = None  # (..., m) what a lagging actuator gives
+    model: Any = None  # state of a reference model
 
 
-# A controller's discrete mode; the memory's for MannController, None for a controller without.
-Mode = Any
+@portable
+class SensorState(NamedTuple):
+    """What a sampling sensor holds."""
+
+    buffer: Tensor  # (..., D + 1, Y) samples on their way, the newest first
+
+
+@portable
+class ClockState(NamedTuple):
+    """What a clock holds from tick to tick."""
+
+    input: Tensor  # (..., m) in force
+    rates: ControllerTree  # of the controller's state at the last tick
+    begun: Tensor  # (...,) bool, whether there was a tick
+
+
+@portable
+class LoopMode(NamedTuple):
+    """What is frozen while the loop flows, and changed by jumps."""
+
+    controller: Mode
+    sensor: SensorState | None = None
+    clock: ClockState | None = None

@@ -1,88 +1,157 @@
-"""The plant interface: M(q) qdd + C(q, qd) qd + N(q, qd) = tau."""
+"""The plant interface: d state/dt = f(t, state, input, disturbance, parameters)."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple
 
 import torch
 from torch import Tensor, nn
 
-from ..functional import solve_small, times_column
-from ..types import Linearization, Measurement, PlantState, TorqueGains
+from ..checks import wrong
+from ..constraints import Domain
+from ..errors import ConfigError, ShapeError
+from ..functional import Numbers, as_float64
+from ..interface import Interface
+from ..stiff import StiffBlock
+from ..types import Channel, InputGains
 
-# NamedTuples of tensors, each plant defines its own. Parameters (..., n) are what a user gives and
-# a schedule moves; Coefficients are what the equations of motion need, made from them once.
+# NamedTuples of tensors, each plant defines its own. Parameters (..., d) are what a user gives and
+# a schedule moves; Coefficients are what the equations need, made from them once.
+State = Any
 Parameters = Any
 Coefficients = Any
+Measured = Any
 
 
-class Plant(nn.Module):
-    """Interface of every plant: a mechanical system with n torque inputs."""
+class Input(NamedTuple):
+    """Inputs of a plant that does not tell them apart."""
 
-    n_joints: int
+    u: Tensor  # (..., m)
+
+
+class Field(NamedTuple):
+    """A field of a plant's parameters: what its numbers are, and what they may be."""
+
+    default: Numbers  # a row of numbers; its length is the field's width
+    domain: Domain
+    unit: str
+
+
+class Plant(Interface, nn.Module):
+    """Interface of every plant. Its contract (`mann_torch.testing.check_plant` holds one to it):
+
+    1. State, parameters, inputs and measurement are NamedTuples of the plant's own; a field is
+       (..., d), a row of numbers, `...` any batch dimensions.
+    2. `inputs` and `outputs` name what goes in, m numbers, and what is to follow a reference, p
+       numbers, with units: tables and pictures call them so. `disturbances` are what else acts on
+       it, (..., k), a wind say; () for none.
+    3. `derivative` depends on its arguments and on the module's own tensors alone, computes any
+       batch at once, decides by `where`, and is float64.
+    4. `fields` says which parameters there are, `Parameters` is their NamedTuple. `coefficients` is
+       computed once while they are constant; the default are the parameters themselves.
+    5. `rest` is the state, a row each, that a rollout starts from if it is given none.
+    6. `linearized` gives a stiff block where stepping needs one; it may be approximate.
+    """
+
+    #: NamedTuple of the inputs: one field for all m numbers, or a field for each; else `grouped`.
+    Input: ClassVar[type] = Input
+    Parameters: ClassVar[type]
+    fields: Mapping[str, Field] = {}
+    disturbances: tuple[Channel, ...] = ()
+
+    @property
+    @abstractmethod
+    def inputs(self) -> tuple[Channel, ...]:
+        """Names and units of the m numbers that go in."""
+
+    @property
+    @abstractmethod
+    def outputs(self) -> tuple[Channel, ...]:
+        """Names and units of the p numbers that are to follow a reference."""
 
     @abstractmethod
-    def coefficients(self, parameters: Parameters) -> Coefficients:
-        """What the equations below need, computed once while the parameters are constant."""
+    def rest(self) -> State:
+        """State that a rollout starts from if it is given none, a field (d,)."""
 
     @abstractmethod
-    def mass_matrix(self, q: Tensor, coefficients: Coefficients) -> Tensor:
-        """M(q) (..., n, n), symmetric positive definite [kg m^2]."""
-
-    @abstractmethod
-    def coriolis(self, q: Tensor, qd: Tensor, coefficients: Coefficients) -> Tensor:
-        """C(q, qd) (..., n, n) with dM/dt - 2 C skew-symmetric [N m s/rad]."""
-
-    @abstractmethod
-    def load(self, q: Tensor, qd: Tensor, coefficients: Coefficients) -> Tensor:
-        """N(q, qd) (..., n): gravity and friction [N m]."""
-
-    @abstractmethod
-    def energy(self, state: PlantState, coefficients: Coefficients) -> Tensor:
-        """Kinetic plus potential energy (...,) [J]."""
-
-    def load_slope(self, q: Tensor, qd: Tensor, coefficients: Coefficients) -> Tensor | None:
-        """dN_j/d(qd_j) (..., n) where friction is stiff [N m s/rad], None where there is none.
-
-        The implicit solver treats it implicitly; it may be approximate.
-        """
-        return None
-
-    def check(self, parameters: Parameters) -> None:
-        """Raise a `ConfigError` for parameters (or rows of a schedule) out of range."""
-        return None
-
-    def measure(self, state: PlantState) -> Measurement:
-        """What a controller sees of the state."""
-        return Measurement(state.q, state.qd)
-
     def derivative(
         self,
-        state: PlantState,
-        torque: Tensor,
+        t: Tensor,
+        state: State,
+        input: Any,
+        disturbance: Tensor | None,
         coefficients: Coefficients,
-        gains: TorqueGains | None = None,
-    ) -> tuple[PlantState, Linearization | None]:
-        """Time derivative of the state under a torque (..., n) [N m].
+    ) -> State:
+        """Time derivative of the state at t (...,) [s], under `Input` and disturbances (..., k)."""
 
-        With the controller's `gains`, also the stiff block M^-1 gains, from the same solve.
+    @abstractmethod
+    def output(self, state: State, coefficients: Coefficients) -> Tensor:
+        """What is to follow the reference, (..., p)."""
+
+    def measure(self, state: State, coefficients: Coefficients) -> Measured:
+        """What a controller sees: a NamedTuple; the whole state here."""
+        return state
+
+    def coefficients(self, parameters: Parameters) -> Coefficients:
+        """What the equations need, computed once while the parameters are constant."""
+        return parameters
+
+    def linearized(
+        self,
+        t: Tensor,
+        state: State,
+        input: Any,
+        disturbance: Tensor | None,
+        coefficients: Coefficients,
+        gains: InputGains | None,
+    ) -> tuple[State, StiffBlock | None]:
+        """The derivative, and what is solved implicitly: nothing here.
+
+        `gains` say how the input answers to the measurement, None where it is held.
         """
-        q, qd = state
-        force = (
-            torque
-            - times_column(self.coriolis(q, qd, coefficients), qd)
-            - self.load(q, qd, coefficients)
-        )
-        columns = [force.unsqueeze(-1)]
-        if gains is not None:
-            slope = self.load_slope(q, qd, coefficients)
-            rate = gains.rate if slope is None else gains.rate + torch.diag_embed(slope)
-            columns += [gains.position, rate, gains.drift.unsqueeze(-1)]
-        solved = solve_small(self.mass_matrix(q, coefficients), torch.cat(columns, dim=-1))
-        derivative = PlantState(qd, solved[..., 0])
-        if gains is None:
-            return derivative, None
-        n = qd.shape[-1]
-        stiffness, damping = solved[..., 1 : n + 1], solved[..., n + 1 : 2 * n + 1]
-        return derivative, Linearization(stiffness, damping, solved[..., -1])
+        return self.derivative(t, state, input, disturbance, coefficients), None
+
+    def grouped(self, u: Tensor) -> Any:
+        """Numbers (..., m) as the plant's `Input`."""
+        names = self.Input._fields  # type: ignore[attr-defined]
+        return self.Input(u) if len(names) == 1 else self.Input(*u.split(1, dim=-1))
+
+    def parameters_of(self, **values: Numbers) -> Parameters:
+        """Checked parameters from rows (..., d) by name; what is not given has its default.
+
+        Raises `ConfigError` for an unknown name, `ShapeError`, `DomainError`, `KindError` or
+        `DtypeError`.
+        """
+        for name in values:
+            if name not in self.fields:
+                raise ConfigError(f"no parameter '{name}' of {type(self).__name__}; {self._known}")
+        rows = {name: values.get(name, field.default) for name, field in self.fields.items()}
+        parameters = self.Parameters(*(as_float64(row, name) for name, row in rows.items()))
+        self.check(parameters)
+        return parameters
+
+    def check(self, parameters: Parameters) -> None:
+        """Raise as `parameters_of` does, for parameters or rows of a schedule."""
+        if not all(hasattr(parameters, name) for name in self.fields):
+            raise wrong("parameters", parameters, f"of {type(self).__name__}: {self._known}")
+        for name, field in self.fields.items():
+            rows, width = getattr(parameters, name), as_float64(field.default).shape[-1]
+            if rows.dim() < 1 or rows.shape[-1] != width:
+                raise ShapeError(f"{name} has shape {tuple(rows.shape)}; give {width} numbers")
+            field.domain.check(name, rows.detach())
+
+    @property
+    def _known(self) -> str:
+        return f"choose from {', '.join(self.fields)}" if self.fields else "it has none"
+
+
+def zeros(*widths: int) -> tuple[Tensor, ...]:
+    """Rows of 0, for a plant at rest."""
+    return tuple(torch.zeros(width, dtype=torch.float64) for width in widths)
+
+
+def channels(prefix: str, count: int, unit: str) -> tuple[Channel, ...]:
+    """`count` channels, numbered from 1."""
+    return tuple(Channel(f"{prefix}_{i + 1}", unit) for i in range(count))

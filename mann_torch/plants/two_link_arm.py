@@ -7,11 +7,13 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ..checks import NONNEGATIVE, POSITIVE, number, wrong
-from ..errors import DomainError, ShapeError
-from ..functional import Numbers, as_float64
+from ..checks import NONNEGATIVE, POSITIVE, number
+from ..constraints import NonNegative, Positive
+from ..errors import DomainError
+from ..functional import Numbers
 from ..types import PlantState
-from .plant import Plant
+from .mechanical import MechanicalPlant
+from .plant import Field
 
 
 class ArmParameters(NamedTuple):
@@ -21,6 +23,14 @@ class ArmParameters(NamedTuple):
     lengths: Tensor  # (..., 2) l_1, l_2 [m]
     viscous: Tensor  # (..., 2) [N m s/rad]
     coulomb: Tensor  # (..., 2) [N m]
+
+
+_FIELDS = {
+    "masses": Field((0.8, 2.3), Positive(), "kg"),
+    "lengths": Field((1.0, 1.0), Positive(), "m"),
+    "viscous": Field((0.0, 0.0), NonNegative(), "N m s/rad"),
+    "coulomb": Field((0.0, 0.0), NonNegative(), "N m"),
+}
 
 
 def arm_parameters(
@@ -35,24 +45,10 @@ def arm_parameters(
     that are not finite and > 0 or friction that is not finite and >= 0, `KindError` or `DtypeError`
     for what is not made of float64 numbers.
     """
-    given = {"masses": masses, "lengths": lengths, "viscous": viscous, "coulomb": coulomb}
-    parameters = ArmParameters(*(as_float64(value, name) for name, value in given.items()))
-    check_parameters(parameters)
+    parameters: ArmParameters = TwoLinkArm().parameters_of(
+        masses=masses, lengths=lengths, viscous=viscous, coulomb=coulomb
+    )
     return parameters
-
-
-def check_parameters(parameters: ArmParameters) -> None:
-    """Raise as `arm_parameters` does; other leading dimensions, a schedule's rows, are allowed."""
-    if not all(hasattr(parameters, name) for name in ArmParameters._fields):
-        raise wrong("parameters", parameters, "ArmParameters, as `arm_parameters` makes them")
-    for name, tensor in parameters._asdict().items():
-        if tensor.dim() < 1 or tensor.shape[-1] != 2:
-            raise ShapeError(f"{name} has shape {tuple(tensor.shape)}; give one number a link (2)")
-        strict = name in ("masses", "lengths")
-        ok = torch.isfinite(tensor) & (tensor > 0 if strict else tensor >= 0)
-        if not bool(ok.all()):
-            bound = "> 0" if strict else ">= 0"
-            raise DomainError(f"{name} = {tensor.tolist()}: must be finite and {bound}")
 
 
 class ArmCoefficients(NamedTuple):
@@ -72,7 +68,7 @@ def _matrix(a: Tensor, b: Tensor, c: Tensor, d: Tensor) -> Tensor:
     return flat.reshape(*flat.shape[:-1], 2, 2)
 
 
-class TwoLinkArm(Plant):
+class TwoLinkArm(MechanicalPlant):
     """Two links in a vertical plane. Paper: eqs. (mass), (cor) and the load vector after them.
 
     `gravity` g [m/s^2]. Coulomb friction is smoothed, coulomb tanh(qd / `coulomb_velocity`)
@@ -80,6 +76,8 @@ class TwoLinkArm(Plant):
     """
 
     n_joints = 2
+    Parameters = ArmParameters
+    fields = _FIELDS
 
     def __init__(self, gravity: float = 9.8, coulomb_velocity: float = 0.01) -> None:
         super().__init__()
@@ -99,10 +97,6 @@ class TwoLinkArm(Plant):
             for value in (parameters.viscous, parameters.coulomb)
         ]
         return ArmCoefficients(phi, rho, psi, phi * gamma, psi * gamma, *friction)
-
-    def check(self, parameters: ArmParameters) -> None:
-        """Raise `ShapeError` or `DomainError` as `arm_parameters` does."""
-        check_parameters(parameters)
 
     def mass_matrix(self, q: Tensor, coefficients: ArmCoefficients) -> Tensor:
         """M(q) (..., 2, 2) [kg m^2]."""

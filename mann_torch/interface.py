@@ -1,0 +1,30 @@
+"""What the interfaces of the library have in common: a forgotten method names itself."""
+
+from __future__ import annotations
+
+from abc import ABC
+from typing import Any, ClassVar, Self
+
+from .errors import InterfaceError
+
+
+class Interface(ABC):
+    """A class that cannot be made before it has all its abstract methods.
+
+    Raises `InterfaceError`, which names the class, what it lacks, and what each of them is for.
+    """
+
+    __abstractmethods__: ClassVar[frozenset[str]]
+
+    def __new__(cls, *args: Any, **kwargs: Any) -> Self:
+        missing = sorted(cls.__abstractmethods__)
+        if missing:
+            told = "; ".join(f"{name}: {_purpose(cls, name)}" for name in missing)
+            raise InterfaceError(f"{cls.__name__} lacks {', '.join(missing)} ({told})")
+        return super().__new__(cls)
+
+
+def _purpose(cls: type, name: str) -> str:
+    """First line of the docstring of what is missing."""
+    text: str = getattr(cls, name).__doc__ or "no description"
+    return text.strip().splitlines()[0].rstrip(".")

@@ -1,0 +1,128 @@
+"""Modules of rows: tensors with leading batch dimensions that expand, select and stack together."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Sequence
+from typing import Any, Self
+
+import torch
+from torch import Tensor, nn
+
+from ..checks import several, sizes
+from ..errors import ConfigError, ShapeError
+from ..functional import Numbers, as_float64
+
+
+class Rows(nn.Module):
+    """A module whose registered rows are (..., *event): a row a sample.
+
+    `hold` registers one; parts that are `Rows` themselves go along. Other attributes are shared,
+    and must be equal where modules are stacked.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._event_dims: dict[str, int] = {}
+
+    def hold(self, name: str, value: Numbers, event_dims: int = 1, finite: bool = True) -> Tensor:
+        """Register rows (..., *event) under a name. A tensor that requires grad receives gradients.
+
+        Raises `ConfigError` for what is not finite, unless `finite` is False, `KindError`,
+        `DtypeError`, or `ShapeError` for fewer than `event_dims` dimensions.
+        """
+        rows = as_float64(value, name)
+        if finite and not bool(torch.isfinite(rows).all()):
+            raise ConfigError(f"{self._kind} {name} = {rows.tolist()}: must be finite")
+        if rows.dim() < event_dims:
+            raise ShapeError(
+                f"{self._kind} {name} has shape {tuple(rows.shape)}: give at least {event_dims} "
+                "dimensions"
+            )
+        self._event_dims[name] = event_dims
+        self.register_buffer(name, rows)
+        return rows
+
+    @property
+    def _kind(self) -> str:
+        return type(self).__name__
+
+    def held(self) -> dict[str, Tensor]:
+        """The rows of this very module, by name."""
+        return {name: getattr(self, name) for name in self._event_dims}
+
+    def _parts(self) -> dict[str, Rows]:
+        return {name: part for name, part in self.named_children() if isinstance(part, Rows)}
+
+    @property
+    def batch_shape(self) -> torch.Size:
+        """Leading batch dimensions `...` of all rows together. Raises `ShapeError`."""
+        shapes = [r.shape[: r.dim() - self._event_dims[n]] for n, r in self.held().items()]
+        shapes += [part.batch_shape for part in self._parts().values()]
+        try:
+            return torch.broadcast_shapes(*shapes)
+        except RuntimeError:
+            raise ShapeError(
+                f"{self._kind}: batch shapes {[tuple(s) for s in shapes]} do not broadcast"
+            ) from None
+
+    def expand(self, batch_shape: Sequence[int]) -> Self:
+        """The same with leading batch dimensions `batch_shape`."""
+        shape = sizes("batch_shape", batch_shape)
+        return self._changed(lambda name, rows: rows.expand(*shape, *self._event(name)), "expand", shape)
+
+    def select(self, members: Sequence[int]) -> Self:
+        """Some members of the first batch dimension, which every row must have."""
+        chosen = list(sizes("members", members, False, signed=True))
+        return self._changed(lambda name, rows: rows[chosen], "select", chosen)
+
+    def stack(self, others: Sequence[Any]) -> Self:
+        """These, `others` alike and of equal shapes, in one with a new leading batch dimension.
+
+        Raises `KindError`, or `ConfigError` where they differ in anything but their rows.
+        """
+        same = several("others", others, type(self))
+        for other in same:
+            if self.form() != other.form():
+                raise ConfigError(f"{self._kind}: only those alike but for their rows stack")
+        return self._changed(
+            lambda name, _: torch.stack([getattr(other, name) for other in same]), "stack", same
+        )
+
+    def form(self) -> Any:
+        """What modules to be stacked have in common."""
+        plain = {k: v for k, v in vars(self).items() if not k.startswith("_")}
+        return type(self), plain, {name: part.form() for name, part in self._parts().items()}
+
+    def _event(self, name: str) -> torch.Size:
+        rows = self.held()[name]
+        return rows.shape[rows.dim() - self._event_dims[name] :]
+
+    def _changed(
+        self, change: Callable[[str, Tensor], Tensor], method: str, argument: Any
+    ) -> Self:
+        """A copy with other rows, its parts changed by their own `method`."""
+        twin = copy.copy(self)
+        twin._buffers = dict(self._buffers)
+        twin._modules = dict(self._modules)
+        for name, rows in self.held().items():
+            twin._buffers[name] = change(name, rows)
+        for name, part in self._parts().items():
+            given = argument
+            if method == "stack":
+                given = [getattr(other, name) for other in argument]
+            twin._modules[name] = getattr(part, method)(given)
+        return twin
+
+
+def broadcast(kind: str, **given: Numbers) -> dict[str, Tensor]:
+    """Rows (..., p) that broadcast with each other, written out. Raises `ShapeError`."""
+    tensors = {name: as_float64(value, f"{kind} {name}") for name, value in given.items()}
+    try:
+        wide = torch.broadcast_tensors(*tensors.values())
+    except RuntimeError:
+        shapes = ", ".join(f"{n} {tuple(t.shape)}" for n, t in tensors.items())
+        raise ShapeError(f"{kind} shapes do not broadcast: {shapes}") from None
+    if wide[0].dim() < 1:
+        raise ShapeError(f"{kind}: give at least one of its values per output")
+    return dict(zip(given, wide, strict=True))
