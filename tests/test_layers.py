@@ -8,14 +8,18 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-BASE = {"errors", "checks", "types", "functional", "constraints", "trees"}
+BASE = {
+    *("errors", "checks", "types", "functional", "domains", "constraints", "trees"),
+    *("interface", "stiff"),
+}
 ALLOWED = {
     "memory": BASE,
     "control": BASE | {"memory"},
     "plants": BASE,
     "signals": BASE,
+    "parts": BASE,
     "compiled": {"errors"},
-    "simulation": BASE | {"compiled", "memory", "control", "plants", "signals"},
+    "simulation": BASE | {"compiled", "memory", "control", "plants", "signals", "parts"},
     "metrics": BASE | {"simulation"},
     "statistics": BASE,
     "figures": BASE,
