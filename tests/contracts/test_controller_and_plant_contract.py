@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 import mann_torch as mt
+from mann_torch.trees import map_tensors
 from mann_torch.types import (
     ControlOutput,
     Measurement,
@@ -87,7 +88,7 @@ def test_controller_batch_equals_single_calls(name: str) -> None:
     state, mode = controller.initial_state(reference, seen, (4,), weights=network)
     torque = controller(reference, seen, state, mode).input
     for i in range(4):
-        reference_i = ReferenceSample(*(leaf[i] for leaf in reference))
+        reference_i = map_tensors(lambda leaf, i=i: leaf[i], reference)
         seen_i = Measurement(*(leaf[i] for leaf in seen))
         state_i, mode_i = controller.initial_state(
             reference_i, seen_i, (), weights=NetworkState(*(leaf[i] for leaf in network))
