@@ -9,7 +9,7 @@ from typing import Any, Self
 import torch
 from torch import Tensor, nn
 
-from ..checks import several, sizes
+from ..checks import several, sizes, wrong
 from ..errors import ConfigError, ShapeError
 from ..functional import Numbers, as_float64
 
@@ -31,17 +31,27 @@ class Rows(nn.Module):
         Raises `ConfigError` for what is not finite, unless `finite` is False, `KindError`,
         `DtypeError`, or `ShapeError` for fewer than `event_dims` dimensions.
         """
-        rows = as_float64(value, name)
-        if finite and not bool(torch.isfinite(rows).all()):
-            raise ConfigError(f"{self._kind} {name} = {rows.tolist()}: must be finite")
+        what = f"{self._kind} {name}"
+        rows = finite_rows(what, value) if finite else as_float64(value, what)
         if rows.dim() < event_dims:
             raise ShapeError(
                 f"{self._kind} {name} has shape {tuple(rows.shape)}: give at least {event_dims} "
-                "dimensions"
+                f"dimension{'s' * (event_dims != 1)}"
             )
         self._event_dims[name] = event_dims
         self.register_buffer(name, rows)
         return rows
+
+    def share_batch(self) -> None:
+        """Write out the batch dimensions of all rows that are held. Raises `ShapeError`."""
+        batch = self.batch_shape
+        for name, rows in self.held().items():
+            setattr(self, name, rows.expand(*batch, *self._event(name)))
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in vars(self).get("_event_dims", ()) and not isinstance(value, Tensor):
+            raise wrong(f"{self._kind} {name}", value, "a tensor")
+        super().__setattr__(name, value)
 
     @property
     def _kind(self) -> str:
@@ -69,7 +79,9 @@ class Rows(nn.Module):
     def expand(self, batch_shape: Sequence[int]) -> Self:
         """The same with leading batch dimensions `batch_shape`."""
         shape = sizes("batch_shape", batch_shape)
-        return self._changed(lambda name, rows: rows.expand(*shape, *self._event(name)), "expand", shape)
+        return self._changed(
+            lambda name, rows: rows.expand(*shape, *self._event(name)), "expand", shape
+        )
 
     def select(self, members: Sequence[int]) -> Self:
         """Some members of the first batch dimension, which every row must have."""
@@ -79,9 +91,12 @@ class Rows(nn.Module):
     def stack(self, others: Sequence[Any]) -> Self:
         """These, `others` alike and of equal shapes, in one with a new leading batch dimension.
 
-        Raises `KindError`, or `ConfigError` where they differ in anything but their rows.
+        Raises `KindError`, or `ConfigError` where they differ in anything but their rows, which
+        includes the shapes of these.
         """
         same = several("others", others, type(self))
+        if not same:
+            raise ConfigError(f"{self._kind}: give at least one to stack")
         for other in same:
             if self.form() != other.form():
                 raise ConfigError(f"{self._kind}: only those alike but for their rows stack")
@@ -92,15 +107,14 @@ class Rows(nn.Module):
     def form(self) -> Any:
         """What modules to be stacked have in common."""
         plain = {k: v for k, v in vars(self).items() if not k.startswith("_")}
-        return type(self), plain, {name: part.form() for name, part in self._parts().items()}
+        shapes = {name: rows.shape for name, rows in self.held().items()}
+        return type(self), plain, shapes, {n: part.form() for n, part in self._parts().items()}
 
     def _event(self, name: str) -> torch.Size:
         rows = self.held()[name]
         return rows.shape[rows.dim() - self._event_dims[name] :]
 
-    def _changed(
-        self, change: Callable[[str, Tensor], Tensor], method: str, argument: Any
-    ) -> Self:
+    def _changed(self, change: Callable[[str, Tensor], Tensor], method: str, argument: Any) -> Self:
         """A copy with other rows, its parts changed by their own `method`."""
         twin = copy.copy(self)
         twin._buffers = dict(self._buffers)
@@ -115,6 +129,17 @@ class Rows(nn.Module):
         return twin
 
 
+def finite_rows(what: str, value: Numbers) -> Tensor:
+    """Numbers as a tensor. Raises `ConfigError` for what is not finite, `KindError`, `DtypeError`.
+
+    A tensor that requires grad is passed through.
+    """
+    rows = as_float64(value, what)
+    if not bool(torch.isfinite(rows).all()):
+        raise ConfigError(f"{what} = {rows.tolist()}: must be finite")
+    return rows
+
+
 def broadcast(kind: str, **given: Numbers) -> dict[str, Tensor]:
     """Rows (..., p) that broadcast with each other, written out. Raises `ShapeError`."""
     tensors = {name: as_float64(value, f"{kind} {name}") for name, value in given.items()}
@@ -126,3 +151,14 @@ def broadcast(kind: str, **given: Numbers) -> dict[str, Tensor]:
     if wide[0].dim() < 1:
         raise ShapeError(f"{kind}: give at least one of its values per output")
     return dict(zip(given, wide, strict=True))
+
+
+def spread(what: str, value: Numbers, event: Sequence[int]) -> Tensor:
+    """Rows (..., *event) of numbers that broadcast to them. Raises `ShapeError`."""
+    given = as_float64(value, what)
+    batch = given.shape[: max(0, given.dim() - len(event))]
+    try:
+        return given.expand(*batch, *event)
+    except RuntimeError:
+        wanted = ", ".join(map(str, event))
+        raise ShapeError(f"{what} has shape {tuple(given.shape)}: give (..., {wanted})") from None
