@@ -77,16 +77,40 @@ class Rows(nn.Module):
             ) from None
 
     def expand(self, batch_shape: Sequence[int]) -> Self:
-        """The same with leading batch dimensions `batch_shape`."""
+        """The same with leading batch dimensions `batch_shape`.
+
+        Raises `KindError`, or `ShapeError` where rows do not expand to it.
+        """
         shape = sizes("batch_shape", batch_shape)
-        return self._changed(
-            lambda name, rows: rows.expand(*shape, *self._event(name)), "expand", shape
-        )
+
+        def wide(name: str, rows: Tensor) -> Tensor:
+            try:
+                return rows.expand(*shape, *self._event(name))
+            except RuntimeError:
+                have = tuple(self.batch_shape)
+                raise ShapeError(
+                    f"{self._kind} of batch shape {have} does not expand to {shape}"
+                ) from None
+
+        return self._changed(wide, "expand", shape)
 
     def select(self, members: Sequence[int]) -> Self:
-        """Some members of the first batch dimension, which every row must have."""
+        """Some members of the first batch dimension, which every row must have.
+
+        Raises `KindError`, or `ShapeError` where a row has none or not so many.
+        """
         chosen = list(sizes("members", members, False, signed=True))
-        return self._changed(lambda name, rows: rows[chosen], "select", chosen)
+
+        def some(name: str, rows: Tensor) -> Tensor:
+            batch = rows.dim() - self._event_dims[name]
+            if batch < 1 or any(not -len(rows) <= i < len(rows) for i in chosen):
+                raise ShapeError(
+                    f"{self._kind} {name} has batch shape {tuple(rows.shape[:batch])}: it has no "
+                    f"members {chosen}"
+                )
+            return rows[chosen]
+
+        return self._changed(some, "select", chosen)
 
     def stack(self, others: Sequence[Any]) -> Self:
         """These, `others` alike and of equal shapes, in one with a new leading batch dimension.
