@@ -113,18 +113,17 @@ class Rows(nn.Module):
         return self._changed(some, "select", chosen)
 
     def stack(self, others: Sequence[Any]) -> Self:
-        """These, `others` alike and of equal shapes, in one with a new leading batch dimension.
+        """`others`, of this class, alike and of equal shapes, in one with a new leading dimension.
 
-        Raises `KindError`, or `ConfigError` where they differ in anything but their rows, which
-        includes the shapes of these.
+        Raises `KindError`, or `ConfigError` for none, or where they differ in more than numbers.
         """
         same = several("others", others, type(self))
         if not same:
             raise ConfigError(f"{self._kind}: give at least one to stack")
         for other in same:
-            if self.form() != other.form():
+            if other.form() != same[0].form():
                 raise ConfigError(f"{self._kind}: only those alike but for their rows stack")
-        return self._changed(
+        return same[0]._changed(
             lambda name, _: torch.stack([getattr(other, name) for other in same]), "stack", same
         )
 
