@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..checks import instance
+from ..checks import wrong
 from ..errors import ReferenceFileError
 
 #: What a file that is none of its kind, or a broken one, makes Python raise.
@@ -29,7 +29,9 @@ def read_samples(path: str | Path) -> tuple[Tensor, Tensor]:
     Raises `ReferenceFileError` for a file that is missing, unreadable, without times or outputs, or
     with times that do not increase, numbers that are not finite or less than 2 rows.
     """
-    file = Path(instance("path", path, str | Path, "a path"))  # type: ignore[arg-type]
+    if not isinstance(path, str | Path):
+        raise wrong("path", path, "a path")
+    file = Path(path)
     if not file.is_file():
         raise ReferenceFileError(f"reference file '{path}' does not exist")
     readers = {".csv": _of_csv, ".npz": _of_npz}
@@ -80,9 +82,10 @@ def _of_csv(path: Path) -> _Columns:
 
 
 def _of_npz(path: Path) -> _Columns:
-    with np.load(path, allow_pickle=False) as file:
-        if not isinstance(file, np.lib.npyio.NpzFile):
-            raise ValueError("no .npz file")
+    loaded = np.load(path, allow_pickle=False)
+    if not isinstance(loaded, np.lib.npyio.NpzFile):
+        raise ValueError("no .npz file")
+    with loaded as file:
         found = {name: file[name] for name in file.files}
     for name, column in found.items():
         if column.dtype.kind not in "iuf":
