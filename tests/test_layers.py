@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-BASE = {"errors", "checks", "types", "functional", "constraints", "trees"}
+BASE = {"errors", "checks", "types", "functional", "constraints", "trees", "interface", "stiff"}
 ALLOWED = {
     "memory": BASE,
     "control": BASE | {"memory"},
@@ -19,6 +19,7 @@ ALLOWED = {
     "metrics": BASE | {"simulation"},
     "statistics": BASE,
     "figures": BASE,
+    "testing": BASE | {"plants", "signals"},
     "tuning": BASE | {"simulation", "metrics", "statistics"},
 }
 

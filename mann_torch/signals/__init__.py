@@ -1,6 +1,7 @@
 """Reference trajectories and parameter schedules."""
 
-from .noise import MeasurementNoise, NoiseTable, noise_at, scaled
+from .disturbance import Disturbance, Forces, Outside, Surroundings
+from .noise import MeasurementNoise, NoiseTable, noise_at
 from .polynomial import Polynomial
 from .reference import Reference, Sampler
 from .rows import Rows
@@ -29,9 +30,12 @@ REFERENCES: dict[str, type[Reference]] = {
 
 __all__ = [
     "REFERENCES",
+    "Disturbance",
+    "Forces",
     "MeasurementNoise",
     "MinimumJerk",
     "NoiseTable",
+    "Outside",
     "PiecewiseConstant",
     "Polynomial",
     "Quintic",
@@ -45,8 +49,8 @@ __all__ = [
     "SquareWave",
     "Steps",
     "Sum",
+    "Surroundings",
     "growing_square",
     "multiplied",
     "noise_at",
-    "scaled",
 ]

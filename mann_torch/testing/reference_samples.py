@@ -27,7 +27,7 @@ def given(reference: Reference, t: Tensor, call: str = "forward") -> tuple[Tenso
         raise broken(
             reference, 3, f"{where} gave a {type(sample).__name__}", "return a ReferenceSample"
         )
-    parts = [part for part in sample if part is not None]
+    parts = [part for part in sample.parts if part is not None]
     gap = any(part is None for part in sample[: len(parts)])
     if gap or len(parts) != reference.order + 1:
         raise broken(

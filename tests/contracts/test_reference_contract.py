@@ -67,7 +67,7 @@ def of_rows(label: str, reference: Reference) -> Function:
             # The times of jumps have no gradient.
             steps = isinstance(owner, PiecewiseConstant) and name == "times"
             setattr(owner, name, rows.detach() if steps else rows)
-        return torch.stack([part for part in twin(sample["t"]) if part is not None])
+        return torch.stack([part for part in twin(sample["t"]).parts if part is not None])
 
     return function
 

@@ -18,7 +18,7 @@ def test_the_pulses_of_problem_4() -> None:
     pulses = Steps(times, [[float(k % 2)] for k in range(9)])
     t = at(0.0, 4.999, 5.0, 9.999, 10.0, 20.0, 25.0, 37.0, 45.0, 55.0, 61.0)
     assert pulses(t).value[:, 0].tolist() == [0, 0, 1, 1, 0, 1, 0, 1, 0, 1, 0]
-    assert pulses(t)[1:] == (None,) * 4
+    assert pulses(t).parts[1:] == (None,) * 4
 
 
 def test_the_square_wave_of_problem_6_is_plus_first() -> None:
