@@ -133,7 +133,8 @@ def __getattr__(name: str) -> Any:
             if hasattr(module, name):
                 value = globals()[name] = getattr(module, name)
                 return value
-    if name in (*_PARTS, "checks", "constraints", "functional", "statistics", "trees", "tuning"):
+    others = ("checks", "constraints", "functional", "statistics", "testing", "trees", "tuning")
+    if name in (*_PARTS, *others):
         return import_module(f"{__name__}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
