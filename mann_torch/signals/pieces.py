@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ..errors import ConfigError
+from ..errors import ConfigError, ShapeError
 
 
 def begun(times: Tensor, t: Tensor) -> Tensor:
@@ -25,3 +25,17 @@ def check_increasing(kind: str, times: Tensor) -> None:
     """Raise `ConfigError` for times (..., K) that do not increase."""
     if bool((torch.diff(times.detach(), dim=-1) <= 0).any()):
         raise ConfigError(f"{kind} times = {times.tolist()}: must increase")
+
+
+def check_knots(kind: str, times: Tensor, name: str, rows: Tensor, least: int = 2) -> None:
+    """Raise unless times (..., K) increase, at least so many, with a row (..., K, p) for each.
+
+    `ShapeError` or `ConfigError`.
+    """
+    fit = times.dim() > 0 and rows.dim() > 1 and rows.shape[-2] == times.shape[-1]
+    if not fit or times.shape[-1] < least:
+        raise ShapeError(
+            f"{kind} of times {tuple(times.shape)} and {name} {tuple(rows.shape)}: at least "
+            f"{least} times and a row for each are needed"
+        )
+    check_increasing(kind, times)

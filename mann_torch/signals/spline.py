@@ -11,7 +11,7 @@ from torch import Tensor
 from ..checks import choice, whole
 from ..errors import ConfigError, ReferenceFileError, ShapeError
 from ..functional import Numbers
-from .pieces import check_increasing
+from .pieces import check_knots
 from .rows import finite_rows, spread
 from .sample_file import read_samples
 from .spline_solve import slopes
@@ -45,13 +45,7 @@ class Spline(Quintic):
             raise ConfigError(f"degree = {degree}: choose 3 or 5")
         clamped = choice("ends", ends, ("natural", "clamped")) == "clamped"
         t, x = finite_rows("Spline times", times), finite_rows("Spline values", values)
-        least = 3 if degree == 5 and not clamped else 2
-        if t.dim() < 1 or x.dim() < 2 or x.shape[-2] != t.shape[-1] or t.shape[-1] < least:
-            raise ShapeError(
-                f"Spline of times {tuple(t.shape)} and values {tuple(x.shape)}: at least {least} "
-                "times and a row for each are needed"
-            )
-        check_increasing("Spline", t)
+        check_knots("Spline", t, "values", x, 3 if degree == 5 and not clamped else 2)
         given = {"end_velocities": end_velocities, "end_accelerations": end_accelerations}
         used = ["end_velocities", "end_accelerations"][: (degree - 1) // 2] if clamped else []
         for name, end in given.items():

@@ -5,10 +5,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ..errors import ShapeError
 from ..functional import Numbers
 from ..types import ReferenceSample
-from .pieces import begun, check_increasing, row_at
+from .pieces import begun, check_knots, row_at
 from .powers import derivatives
 from .reference import Reference
 from .rows import spread
@@ -38,14 +37,9 @@ class Quintic(Reference):
         self.velocities: Tensor
         self.accelerations: Tensor
         times, positions = self.hold("times", times), self.hold("positions", positions, 2)
-        if positions.shape[-2] != times.shape[-1] or times.shape[-1] < 2:
-            raise ShapeError(
-                f"{self._kind} of times {tuple(times.shape)} and positions "
-                f"{tuple(positions.shape)}: at least two times and a row for each are needed"
-            )
+        check_knots(self._kind, times, "positions", positions)
         for name, rows in (("velocities", velocities), ("accelerations", accelerations)):
             self.hold(name, spread(f"{self._kind} {name}", rows, positions.shape[-2:]), 2)
-        check_increasing(self._kind, times)
         self.width = positions.shape[-1]
         self.share_batch()
 

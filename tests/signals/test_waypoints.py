@@ -91,7 +91,7 @@ def test_gradients_in_times_and_waypoints_are_those_of_finite_differences() -> N
 
 
 def test_bad_arguments_are_named() -> None:
-    with pytest.raises(mt.ShapeError, match=r"MinimumJerk of times .* at least two times"):
+    with pytest.raises(mt.ShapeError, match=r"MinimumJerk of times .* at least 2 times"):
         MinimumJerk([1.0], [[0.0]])
     with pytest.raises(mt.ShapeError, match="a row for each"):
         MinimumJerk(TIMES, POINTS[:2])
