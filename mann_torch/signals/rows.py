@@ -62,7 +62,8 @@ class Rows(nn.Module):
         return {name: getattr(self, name) for name in self._event_dims}
 
     def _parts(self) -> dict[str, Rows]:
-        return {name: part for name, part in self.named_children() if isinstance(part, Rows)}
+        # Not `named_children`: it leaves out a part that is there twice.
+        return {name: part for name, part in self._modules.items() if isinstance(part, Rows)}
 
     @property
     def batch_shape(self) -> torch.Size:

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 import mann_torch as mt
-from mann_torch.signals import Polynomial, Sinusoid, SmoothSteps, Steps, Sum
+from mann_torch.signals import Disturbance, Polynomial, Sinusoid, SmoothSteps, Steps, Sum
 from tests.conftest import randn
 
 T = torch.linspace(0.0, 5.0, 11, dtype=torch.float64)
@@ -57,3 +57,12 @@ def test_parts_of_a_sum_go_along() -> None:
     assert torch.equal(total.select([1])(T).value[:, 0], total(T).value[:, 1])
     pair = total.stack([total, total])
     assert torch.equal(pair(T).rate[:, 1], total(T).rate)  # type: ignore[index, arg-type]
+
+
+def test_a_part_that_is_there_twice_goes_along_twice() -> None:
+    wave = Sinusoid([1.0, 2.0])
+    wide = Disturbance(input=wave, output=wave).expand((3,))(T)
+    assert wide.input is not None and wide.output is not None
+    assert wide.input.shape == wide.output.shape == (11, 3, 2)
+    double = Sum([wave, wave]).expand((3,))
+    assert torch.equal(double(T).value[:, 1], 2.0 * wave(T).value)
