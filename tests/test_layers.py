@@ -23,6 +23,7 @@ ALLOWED = {
     "metrics": BASE | {"simulation"},
     "statistics": BASE,
     "figures": BASE,
+    "testing": BASE | {"plants", "signals"},
     "tuning": BASE | {"simulation", "metrics", "statistics"},
 }
 

@@ -1,0 +1,5 @@
+"""Contracts that a part of one's own must keep, as checks that say what to mend."""
+
+from .references import check_reference
+
+__all__ = ["check_reference"]
