@@ -58,6 +58,11 @@ class Disturbance(Rows):
         """Width of each signal that is there."""
         return {n: getattr(self, n).width for n in Forces._fields if getattr(self, n) is not None}
 
+    def jumps(self, end: float) -> list[float]:
+        """Times in (0, end) [s] at which any of them jumps."""
+        signals = [getattr(self, name) for name in Forces._fields]
+        return sorted({time for s in signals if s is not None for time in s.jumps(end)})
+
     def _at(self, t: Tensor, method: str) -> Forces:
         signals = [getattr(self, name) for name in Forces._fields]
         return Forces(*(None if s is None else getattr(s, method)(t).value for s in signals))
@@ -76,6 +81,13 @@ class Surroundings(Rows):
     def __init__(self, reference: Reference, disturbance: Disturbance | None = None) -> None:
         super().__init__()
         self.reference, self.disturbance = reference, disturbance
+
+    def jumps(self, end: float) -> list[float]:
+        """Times in (0, end) [s] at which any signal jumps."""
+        found = set(self.reference.jumps(end))
+        if self.disturbance is not None:
+            found |= set(self.disturbance.jumps(end))
+        return sorted(found)
 
     def forward(self, t: Tensor) -> Outside:
         """At times t [s]."""

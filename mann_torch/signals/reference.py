@@ -23,7 +23,7 @@ class Reference(Interface, Rows):
     2. `width` is p, `order` the number of time derivatives it has.
     3. `at` gives value and derivatives, each (..., p), at times t that broadcast with rows
        (..., p): all of any batch at once, decided by `where`.
-    4. Where it jumps, the value is that from the right.
+    4. Where it jumps, the value is that from the right, and `jumps` says when.
     """
 
     width: int
@@ -33,6 +33,14 @@ class Reference(Interface, Rows):
     @abstractmethod
     def at(self, t: Tensor) -> ReferenceSample:
         """Value and `order` derivatives at times t [s], (..., 1) beside rows (..., p)."""
+
+    def jumps(self, end: float) -> list[float]:
+        """Times in (0, end) [s] at which the value of any sample jumps: a solver's steps end there.
+
+        Those of its parts here, or none.
+        """
+        parts = [part for part in self._parts().values() if isinstance(part, Reference)]
+        return sorted({time for part in parts for time in part.jumps(end)})
 
     def forward(self, t: Tensor) -> ReferenceSample:
         """The signal at times t [s]; each member (*t.shape, ..., p)."""

@@ -13,6 +13,9 @@ from ..types import ReferenceSample
 from .reference import Reference
 from .rows import broadcast
 
+#: More jumps than this are a slip of the pen.
+MOST_JUMPS = 1_000_000
+
 
 class SquareWave(Reference):
     """offset_j + amplitude_j in the first half of a period, offset_j - amplitude_j in the second.
@@ -45,6 +48,17 @@ class SquareWave(Reference):
         if bool((self.period <= 0).any()):
             raise ConfigError(f"{self._kind} period = {self.period.tolist()}: must be > 0")
         self.width = self.amplitude.shape[-1]
+
+    def jumps(self, end: float) -> list[float]:
+        """Both ends of all half periods."""
+        period, shift = self.period.detach(), self.phase.detach() / (2.0 * math.pi)
+        first, last = torch.floor(2.0 * shift), torch.ceil(2.0 * (end / period + shift))
+        count = int((last - first).amax()) + 1
+        if count * period.numel() > MOST_JUMPS:
+            raise ConfigError(f"{self._kind}: over {MOST_JUMPS:.0e} jumps in {end:g} s")
+        halves = first.unsqueeze(-1) + torch.arange(count, dtype=torch.float64)
+        times = (0.5 * halves - shift.unsqueeze(-1)) * period.unsqueeze(-1)
+        return sorted(set(times[(times > 0) & (times < end)].tolist()))
 
     def at(self, t: Tensor) -> ReferenceSample:
         """The value, at a jump that after it."""

@@ -26,6 +26,10 @@ class Steps(Reference):
         self.schedule = PiecewiseConstant(times, values)
         self.width = finite_rows(f"{self._kind} values", self.schedule.values).shape[-1]
 
+    def jumps(self, end: float) -> list[float]:
+        """All times of steps."""
+        return [time for time in self.schedule.knots() if time < end]
+
     def at(self, t: Tensor) -> ReferenceSample:
         """The values in force."""
         return ReferenceSample(self.schedule.in_force(t))

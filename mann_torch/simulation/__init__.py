@@ -9,12 +9,13 @@ from .rollout import ENGINES, check_engine, rollout
 from .scenario import Scenario
 from .solvers.implicit import Implicit
 from .solvers.odeint import ADAPTIVE, FIXED, METHODS, Odeint
+from .solvers.runge_kutta import RungeKutta
 from .solvers.solver import Flow, Solver
 from .task import Effort
 from .trajectory import Motion, Outcome, Status, Trajectory
 
 #: Names a configuration may use.
-SOLVERS: tuple[str, ...] = ("implicit", *METHODS)
+SOLVERS: tuple[str, ...] = ("implicit", "runge_kutta", *METHODS)
 
 __all__ = [
     "ADAPTIVE",
@@ -33,6 +34,7 @@ __all__ = [
     "Observation",
     "Odeint",
     "Outcome",
+    "RungeKutta",
     "Scenario",
     "Solver",
     "Status",

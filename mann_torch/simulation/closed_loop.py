@@ -124,7 +124,7 @@ class ClosedLoop(DesignModule):
         self, t: Tensor, state: LoopState, mode: LoopMode, here: Conditions
     ) -> ControlOutput:
         """The controller's answer at times t [s] to states (*t.shape, ...)."""
-        outside = here.signals(t)
+        outside = here.within(t)
         output: ControlOutput = self.controller(
             self.followed(outside, state, here),
             self.measured(state, mode, here, outside.forces),
@@ -174,7 +174,7 @@ class ClosedLoop(DesignModule):
         linearize: bool = False,
     ) -> tuple[LoopState, StiffBlock | None]:
         """Time derivative of the state; with `linearize`, also the stiff block, if there is one."""
-        outside = here.signals(t)
+        outside = here.within(t)
         forces, gains = outside.forces, None
         if self.clock is None or mode.clock is None:
             sample = self.followed(outside, state, here)
@@ -209,7 +209,7 @@ class ClosedLoop(DesignModule):
 
     def proximity(self, t: Tensor, state: LoopState, mode: LoopMode, here: Conditions) -> Proximity:
         """What decides the controller's next event at time t [s]."""
-        outside = here.signals(t)
+        outside = here.within(t)
         sample = self.followed(outside, state, here)
         measurement = self.measured(state, mode, here, outside.forces)
         return self.controller.proximity(sample, measurement, state.controller, mode.controller)
@@ -218,7 +218,7 @@ class ClosedLoop(DesignModule):
         self, t: Tensor, state: LoopState, mode: LoopMode, here: Conditions, due: Tensor
     ) -> tuple[LoopState, LoopMode]:
         """The controller's reset at time t [s], in the samples `due` (...,) bool."""
-        outside = here.signals(t)
+        outside = here.within(t)
         sample = self.followed(outside, state, here)
         measurement = self.measured(state, mode, here, outside.forces)
         own, inner = self.controller.reallocate(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import torch
 from torch import Tensor
 
 from ..signals import Outside
@@ -20,6 +21,13 @@ class Ticks(NamedTuple):
     clock: Tensor | bool
 
 
+class Span(NamedTuple):
+    """A step without its ends: of signals that jump there, what holds within it."""
+
+    first: Tensor  # () [s]
+    last: Tensor  # () [s]
+
+
 class Conditions(NamedTuple):
     """All that a step depends on besides the loop, its state and its mode."""
 
@@ -27,3 +35,20 @@ class Conditions(NamedTuple):
     coefficients: Any  # the plant's, from its parameters in force
     noise: Tensor | None = None  # (..., Y) on what is measured
     ticks: Ticks | None = None  # of a loop with a clock or a sensor
+    span: Span | None = None  # where signals jump
+
+    def within(self, t: Tensor) -> Outside:
+        """What acts from outside at a time t [s] of this step: at its ends, what holds within."""
+        if self.span is not None:
+            t = torch.minimum(torch.maximum(t, self.span.first), self.span.last)
+        return self.signals(t)
+
+
+#: By how much of a step a span is shorter, at each end.
+SHY = 1e-9
+
+
+def spans_of(times: Tensor) -> Span:
+    """Of all steps of a grid (T + 1,) [s], each (T,)."""
+    shy = SHY * times.diff()
+    return Span(times[:-1] + shy, times[1:] - shy)

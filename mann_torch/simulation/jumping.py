@@ -24,7 +24,7 @@ def jump(
     The sensor takes its sample, then the controller decides: at any step's start, or at its clock's
     ticks, where it adapts before and commands after.
     """
-    outside = here.signals(t)
+    outside = here.within(t)
     if loop.sensor is not None and mode.sensor is not None and here.ticks is not None:
         flat = torch.cat(list(loop.seen(state, here, outside.forces)), dim=-1)
         sampled = loop.sensor(flat, mode.sensor)

@@ -67,13 +67,20 @@ class Train(NamedTuple):
 
 
 class StepGrid:
-    """Times 0 = t_0 < ... < t_T = horizon, at most `dt` apart, with all `knots` and `trains`.
+    """Times 0 = t_0 < ... < t_T = horizon, at most `dt` apart, with all knots, trains and jumps.
+
+    Parameters jump at `knots`, which begin segments; signals do at `jumps`.
 
     Raises `ConfigError` unless dt and periods are finite and > 0.
     """
 
     def __init__(
-        self, horizon: float, knots: Sequence[float], dt: float, trains: Sequence[Train] = ()
+        self,
+        horizon: float,
+        knots: Sequence[float],
+        dt: float,
+        trains: Sequence[Train] = (),
+        jumps: Sequence[float] = (),
     ) -> None:
         _check_interval("dt", dt, horizon)
         edges: list[float] = [0.0]
@@ -92,6 +99,9 @@ class StepGrid:
             instants = train.until(horizon - MERGE)
             starts = _merged(starts, instants)
             self._instants.append(instants)
+        self.jumps = bool(jumps)
+        if jumps:
+            starts = _merged(starts, torch.tensor(jumps, dtype=torch.float64))
         ends = torch.cat([starts[1:], starts.new_tensor([horizon])])
         counts = torch.ceil((ends - starts) / dt - 1e-6).clamp(min=1).to(torch.int64)
         first = counts.cumsum(0) - counts

@@ -14,12 +14,12 @@ from ..signals import NoiseTable, Surroundings, noise_at
 from ..trees import leaves
 from ..types import LoopMode, LoopState
 from .closed_loop import ClosedLoop
-from .conditions import Conditions, Ticks
+from .conditions import Conditions, Span, Ticks, spans_of
 from .events.steps import EventCounts
 from .scenario import Scenario
 from .solvers.solver import Solver
 from .starting import coefficients_of, start_of
-from .step_grid import StepGrid, Train
+from .step_grid import MERGE, StepGrid, Train
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,7 @@ class Task:
     noise: NoiseTable | None  # on what is measured
     noise_instants: Tensor  # (T,) int64, sampling instant of each step
     ticks: tuple[Tensor, Tensor] | None = None  # (T,) bool each, of sensor and clock
+    spans: Span | None = None  # each (T,), of signals that jump
     limit: float = 1e8
     progress: Callable[[int], object] | None = None
     device: str = "cpu"
@@ -50,7 +51,8 @@ class Task:
         """What step k is under."""
         noise = None if self.noise is None else noise_at(self.noise, self.noise_instants[k])
         ticks = None if self.ticks is None else Ticks(*(bool(train[k]) for train in self.ticks))
-        return Conditions(self.surroundings, coefficients, noise, ticks)
+        span = None if self.spans is None else Span(*(edge[k] for edge in self.spans))
+        return Conditions(self.surroundings, coefficients, noise, ticks, span)
 
     @property
     def batch(self) -> torch.Size:
@@ -82,8 +84,9 @@ def trains_of(loop: ClosedLoop) -> tuple[Train, Train] | None:
 
 def grid_of(loop: ClosedLoop, scenario: Scenario, dt: float) -> StepGrid:
     """The steps of a rollout: they end on jumps of parameters, and on ticks."""
-    trains = trains_of(loop) or ()
-    return StepGrid(scenario.end, scenario.knots(), dt, trains)
+    jumps = Surroundings(scenario.reference, scenario.disturbance).jumps(scenario.end)
+    before = [time for time in jumps if time < scenario.end - MERGE]
+    return StepGrid(scenario.end, scenario.knots(), dt, trains_of(loop) or (), before)
 
 
 def task_of(
@@ -123,6 +126,7 @@ def task_of(
         noise=table,
         noise_instants=instants,
         ticks=(grid.ticks(0), grid.ticks(1)) if loop.samples else None,
+        spans=spans_of(grid.times) if grid.jumps else None,
     )
 
 

@@ -152,6 +152,8 @@ def _clock(task: Task) -> Tensor:
     if task.effort_after is not None:
         before = torch.cat([sizes.new_full((1,), torch.inf), sizes[:-1]])
         columns += [1.0 / before, (times[:-1] > task.effort_after + MERGE).double()]
+    if task.spans is not None:
+        columns += task.spans
     if task.ticks is not None:
         columns += [train.double() for train in task.ticks]
     return torch.stack(columns, dim=-1).contiguous()

@@ -15,7 +15,7 @@ from ...compiled import Layout, Leaf, Program, UntraceableError, frozen, with_te
 from ...signals import Surroundings
 from ...trees import Packer, leaves, map_tensors, rebuilt
 from ...types import LoopMode, LoopState
-from ..conditions import Conditions, Ticks
+from ..conditions import Conditions, Span, Ticks
 from ..solvers.flat_flow import flat_rates
 from ..step_grid import MERGE
 from ..task import Task
@@ -23,8 +23,9 @@ from .loop_parts import held_tensors
 from .stepping import advance
 
 #: Numbers of the clock: time, step, the next time and its share; with effort also one over the
-#: step before, and whether peaks count; with a clock or a sensor whether each of them ticks.
-CLOCK, EFFORT_CLOCK, TICKS = 4, 2, 2
+#: step before, and whether peaks count; with signals that jump the step's span; with a clock or a
+#: sensor whether each of them ticks.
+CLOCK, EFFORT_CLOCK, SPAN, TICKS = 4, 2, 2, 2
 
 
 class Bound(NamedTuple):
@@ -64,6 +65,7 @@ class LoopStep:
         self._coefficients = coefficients
         self._loop_names, self._outside_names = loop_names, outside_names
         self._effort, self._ticks = task.effort_after is not None, task.ticks is not None
+        self._spans = task.spans is not None
         self._noise = 0 if task.noise is None else task.noise.std.shape[-1]
         self._packer = Packer(self._state, 0)
         self.n_plant = len(leaves(self._state.plant))
@@ -85,7 +87,7 @@ class LoopStep:
         tensors = [*state[:plant], *rows, *state[plant:], *mode]
         recorded = [x.numel() for x in state[:plant]] + self.sum_widths
         return Layout(
-            clock=CLOCK + EFFORT_CLOCK * self._effort + TICKS * self._ticks,
+            clock=CLOCK + EFFORT_CLOCK * self._effort + SPAN * self._spans + TICKS * self._ticks,
             constants=tuple(_leaf(c) for c in constants),
             segments=tuple(tuple(s.shape) for s in segments),
             noise=((self._noise,),) if self._noise else (),
@@ -158,7 +160,9 @@ class LoopStep:
         measured = noise[0] * constants[last + 1] if self._noise else None
         ticks = Ticks(*(x > 0.5 for x in clock[-TICKS:])) if self._ticks else None
         coefficients = rebuilt(self._coefficients, segments)
-        here = Conditions(self._outside, coefficients, measured, ticks)
+        begin = CLOCK + EFFORT_CLOCK * self._effort
+        span = Span(*clock[begin : begin + SPAN]) if self._spans else None
+        here = Conditions(self._outside, coefficients, measured, ticks, span)
         with with_tensors(self._loop, own), with_tensors(self._outside, signal):
             yield Bound(here, constants[last])
             for module, given in ((self._loop, own), (self._outside, signal)):
@@ -177,8 +181,10 @@ class LoopStep:
     ) -> list[Tensor]:
         """The sums at a step's end, from the state there and the input at its start."""
         t, h, t_next, share = clock[:CLOCK]
-        # t + h is where the solver's last stage was: its reference is not computed twice.
-        error, followed = self._loop.error(t + h, state, here.conditions)
+        # t + h is where the solver's last stage was: its reference is not computed twice. One that
+        # jumps there is another.
+        end = t_next if self._spans else t + h
+        error, followed = self._loop.error(end, state, here.conditions)
         counted = t_next <= here.horizon + MERGE
         found = [sums[0] + torch.where(counted, share, 0.0) * error.square()]
         if self._loop.model is not None:
