@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-BASE = {"errors", "checks", "types", "functional", "constraints", "trees"}
+BASE = {
+    *("errors", "checks", "types", "functional", "constraints", "trees", "interface", "stiff"),
+}
 ALLOWED = {
     "memory": BASE,
     "control": BASE | {"memory"},
@@ -20,6 +22,7 @@ ALLOWED = {
     "statistics": BASE,
     "figures": BASE,
     "tuning": BASE | {"simulation", "metrics", "statistics"},
+    "testing": BASE | {"memory", "control", "plants", "signals", "simulation"},
 }
 
 

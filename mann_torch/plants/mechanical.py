@@ -25,7 +25,8 @@ class MechanicalPlant(Plant):
 
     On top of `Plant`'s contract:
 
-    1. M is symmetric positive definite, and dM/dt - 2 C skew-symmetric.
+    1. M is symmetric positive definite, dM/dt - 2 C skew-symmetric, C qd as Lagrange's equations
+       have it.
     2. `energy` is what an undisturbed plant without inputs and friction keeps.
     3. Where fewer or other inputs than one a coordinate drive it, `input_matrix` is B (..., n, m),
        and `inputs` names them.
@@ -36,7 +37,12 @@ class MechanicalPlant(Plant):
     Input: ClassVar[type] = Torque
     n_joints: int
     #: Rows of the identity that pick the measured coordinates, (p, n); None: all are measured.
-    sensing: Tensor | None = None
+    sensing: Tensor | None
+
+    def __init__(self) -> None:
+        super().__init__()
+        if not hasattr(type(self), "sensing"):  # a class of one's own may have a fixed one
+            self.register_buffer("sensing", None, persistent=False)
 
     @property
     def inputs(self) -> tuple[Channel, ...]:
@@ -63,6 +69,11 @@ class MechanicalPlant(Plant):
     @abstractmethod
     def energy(self, state: PlantState, coefficients: Coefficients) -> Tensor:
         """Kinetic plus potential energy (...,) [J]."""
+
+    def kinetic_energy(self, state: PlantState, coefficients: Coefficients) -> Tensor:
+        """qd' M(q) qd / 2 (...,) [J]."""
+        qd = state.qd.unsqueeze(-1)
+        return 0.5 * (qd.mT @ self.mass_matrix(state.q, coefficients) @ qd)[..., 0, 0]
 
     def load_slope(self, q: Tensor, qd: Tensor, coefficients: Coefficients) -> Tensor | None:
         """dN_j/d(qd_j) (..., n) where friction is stiff [N m s/rad], None where there is none.
@@ -185,3 +196,9 @@ class MechanicalPlant(Plant):
         )
         other = self.disturbing_force(t, state, disturbance, coefficients)
         return force if other is None else force + other
+
+
+def two_by_two(a: Tensor, b: Tensor, c: Tensor, d: Tensor) -> Tensor:
+    """[[a, b], [c, d]] (..., 2, 2) of entries (...,)."""
+    flat = torch.stack(torch.broadcast_tensors(a, b, c, d), dim=-1)
+    return flat.reshape(*flat.shape[:-1], 2, 2)
