@@ -36,7 +36,7 @@ if TYPE_CHECKING:
         WorkingMemory,
         relaxed,
     )
-    from .metrics import peak_torque, reallocations, srmse, switches, torque_rate
+    from .metrics import input_rate, peak_input, reallocations, srmse, switches
     from .plants import ArmParameters, Plant, TwoLinkArm, arm_parameters
     from .signals import MeasurementNoise, PiecewiseConstant, Reference, Sinusoid
     from .simulation import (
@@ -101,15 +101,15 @@ __all__ = [
     "arm_parameters",
     "equal_parameter_hidden",
     "explain",
+    "input_rate",
     "memory_figure",
     "observe",
-    "peak_torque",
+    "peak_input",
     "reallocations",
     "relaxed",
     "rollout",
     "srmse",
     "switches",
-    "torque_rate",
 ]
 
 #: Where names are looked for, in this order: lower layers load no higher ones.

@@ -74,6 +74,24 @@ class NonNegative(Domain):
         return bool((value >= 0).all())
 
 
+class Row(Domain):
+    """A row (..., n) of numbers; one number stands for n of them."""
+
+    event_dims = 1
+
+    def coerce(self, value: Tensor, event_shape: torch.Size) -> Tensor:
+        """A scalar stands for a whole row."""
+        return value.expand(event_shape) if value.dim() == 0 else value
+
+
+class FiniteRow(Row, Finite):
+    """n finite numbers."""
+
+
+class PositiveRow(Row, Positive):
+    """n numbers, finite and > 0."""
+
+
 class SymmetricPositiveDefinite(Domain):
     """Symmetric positive definite matrix (..., n, n)."""
 

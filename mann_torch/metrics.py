@@ -12,7 +12,7 @@ from .simulation.step_grid import MERGE, counted_in, shares_of
 
 
 def srmse(trajectory: Outcome, after: float | None = None) -> Tensor:
-    """Sample root mean square error per joint, (..., n) [rad].
+    """Sample root mean square error per output, (..., p), in its unit.
 
     The mean over all step times up to each sample's horizon, whatever part of the motion was kept,
     or, with `after` [s], over those later than that. Steps of unequal length count by their
@@ -60,7 +60,7 @@ def _motion(trajectory: Outcome) -> Motion:
 
 
 def _integral_until(trajectory: Motion, step: int) -> Tensor:
-    """The integral of squared error up to a step, (..., n)."""
+    """The integral of squared error up to a step, (..., p)."""
     if step < 0:
         return torch.zeros_like(trajectory.squared_error[-1])
     time = trajectory.step_t[step]
@@ -74,10 +74,10 @@ def _integral_until(trajectory: Motion, step: int) -> Tensor:
     return trajectory.squared_error[row]
 
 
-def torque_rate(trajectory: Outcome) -> Tensor:
-    """Root mean square torque rate per joint, (..., n) [N m/s].
+def input_rate(trajectory: Outcome) -> Tensor:
+    """Root mean square rate of each commanded input, (..., m), its unit per s.
 
-    What changes in the torque from one step's start to the next, over the step between: what noise
+    What changes in it from one step's start to the next, over the step between: what noise
     on the measurements costs an actuator. NaN for a sample that diverged. Raises `RecordError`
     where the rollout was not asked for effort.
     """
@@ -89,8 +89,8 @@ def torque_rate(trajectory: Outcome) -> Tensor:
     return _root_mean(effort.rate_square[-1], span, ok)
 
 
-def peak_torque(trajectory: Outcome) -> Tensor:
-    """Largest |torque| per joint since the rollout's `effort_after`, (..., n) [N m].
+def peak_input(trajectory: Outcome) -> Tensor:
+    """Largest |input| commanded since the rollout's `effort_after`, (..., m), in its unit.
 
     NaN for a sample that diverged. Raises `RecordError` where the rollout was not asked for effort.
     """
@@ -106,7 +106,7 @@ def _effort(trajectory: Outcome) -> Effort:
 
 
 def _root_mean(total: Tensor, length: Tensor, ok: Tensor) -> Tensor:
-    """sqrt(total (..., n) / length (...,)); NaN where not ok, and slope 0 at 0."""
+    """sqrt(total (..., p) / length (...,)); NaN where not ok, and slope 0 at 0."""
     ok = ok.unsqueeze(-1)
     mean = total / torch.where(ok, length.unsqueeze(-1), 1.0)
     moved = ok & (mean > 0)
@@ -115,7 +115,7 @@ def _root_mean(total: Tensor, length: Tensor, ok: Tensor) -> Tensor:
 
 
 def reallocations(trajectory: Outcome) -> Tensor:
-    """Number of slot resets, (...,) int64; 0 without a memory."""
+    """Number of slot resets, (...,) int64; 0 of a controller without slots."""
     return _count(trajectory, "reallocations")
 
 
@@ -125,7 +125,6 @@ def switches(trajectory: Outcome) -> Tensor:
 
 
 def _count(trajectory: Outcome, name: str) -> Tensor:
-    if instance("trajectory", trajectory, Outcome).final_mode is None:
-        return torch.zeros_like(trajectory.status)
-    count: Tensor = getattr(trajectory.final_mode, name)
+    mode = instance("trajectory", trajectory, Outcome).final_mode
+    count: Tensor = getattr(mode, name, torch.zeros_like(trajectory.status))
     return count

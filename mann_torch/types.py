@@ -41,13 +41,15 @@ class ReferenceSample(NamedTuple):
     acceleration: Tensor | None = None  # (..., p), per s^2
     jerk: Tensor | None = None  # (..., p), per s^3
     snap: Tensor | None = None  # (..., p), per s^4
+    #: (..., p) what a reference model is told to follow, where the value is the model's output.
+    command: Tensor | None = None
 
     def upto(self, order: int) -> tuple[Tensor, ...]:
         """The value and its first `order` derivatives. Raises `InterfaceError` if one is not there.
 
         `reference_order` of a controller says how many it asks for: a loop checks that.
         """
-        found = tuple(part for part in self[: order + 1] if part is not None)
+        found = tuple(part for part in self[:-1][: order + 1] if part is not None)
         if len(found) <= order:
             raise InterfaceError(
                 f"derivative {order} of the reference is asked for, it has {len(found) - 1}: "
@@ -208,6 +210,8 @@ class ClockState(NamedTuple):
     input: Tensor  # (..., m) in force
     rates: ControllerTree  # of the controller's state at the last tick
     begun: Tensor  # (...,) bool, whether there was a tick
+    slope: Tensor | None = None  # (..., m) of the input, per s, where it holds on a line
+    at: Tensor | None = None  # (...,) [s] the last tick, there
 
 
 @portable

@@ -1,72 +1,96 @@
-"""The controller interface: torque and adaptation from reference, measurement and state."""
+"""The controller interface: input and adaptation from reference, measurement and state."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from ..constraints import DesignModule
+from ..errors import ConfigError
+from ..interface import Interface
 from ..types import (
-    ControllerState,
+    ControllerTree,
     ControlOutput,
-    Measurement,
+    InputGains,
+    MemoryMode,
     Mode,
-    NetworkState,
     Proximity,
     ReferenceSample,
-    TorqueGains,
 )
 
 
-class Controller(DesignModule):
-    """Interface of every controller."""
+class Controller(Interface, DesignModule):
+    """Interface of every controller. Its contract (`mann_torch.testing.check_controller`):
 
+    1. State and mode are trees of the controller's own: NamedTuples of tensors (..., *event), or
+       None. Nobody else looks into them. The state flows; the mode is what only jumps change.
+    2. `initial_state` gives both, of the batch shape it is told, and has no random number but from
+       its generator.
+    3. `forward` gives the input (..., m), the time derivative of the state, a tree like it, and
+       signals worth plotting, a NamedTuple or None. It is a function of its arguments and of the
+       controller's constants alone, for any batch at once, decided by `where`, in float64.
+    4. `reference_order` says how many derivatives of the reference it asks for (`upto`).
+    5. Constants are declared with a domain: they can be set, batched, saved and tuned by name.
+    6. With a mode, `jump` gives state and mode after the decisions of one instant; a second jump at
+       the same instant changes nothing.
+    """
+
+    #: Derivatives of the reference that it asks for.
+    reference_order = 0
     #: Whether `jump` can change the continuous state (reallocation).
     reallocates = False
-    #: Whether its mode switches between branches whose events `proximity` compares.
+    #: Whether its mode is a `MemoryMode` of branches whose events `proximity` compares.
     switches = False
 
     @abstractmethod
-    def initial_network(
-        self, batch_shape: Sequence[int], generator: torch.Generator | None = None
-    ) -> NetworkState:
-        """Adaptive weights at t = 0: random with a generator, else the stored ones."""
-
-    @abstractmethod
     def initial_state(
-        self, reference: ReferenceSample, measurement: Measurement, network: NetworkState
-    ) -> tuple[ControllerState, Mode]:
-        """Adaptive state and discrete mode at t = 0."""
+        self,
+        reference: ReferenceSample,
+        measurement: Any,
+        batch_shape: Sequence[int],
+        generator: torch.Generator | None = None,
+        weights: Any = None,
+    ) -> tuple[ControllerTree, Mode]:
+        """State and mode at t = 0, for samples of reference and measurement there.
+
+        What is random comes from the generator, without one from what the controller stores.
+        `weights` are initial adaptive weights, as `initial_weights` gives them, instead.
+        """
 
     @abstractmethod
     def forward(
-        self,
-        reference: ReferenceSample,
-        measurement: Measurement,
-        state: ControllerState,
-        mode: Mode,
+        self, reference: ReferenceSample, measurement: Any, state: ControllerTree, mode: Mode
     ) -> ControlOutput:
-        """Torque (..., n) [N m], time derivative of the state, and signals."""
+        """Input (..., m), time derivative of the state, and signals."""
 
-    @abstractmethod
     def jump(
-        self,
-        reference: ReferenceSample,
-        measurement: Measurement,
-        state: ControllerState,
-        mode: Mode,
-    ) -> tuple[ControllerState, Mode]:
+        self, reference: ReferenceSample, measurement: Any, state: ControllerTree, mode: Mode
+    ) -> tuple[ControllerTree, Mode]:
         """Discrete decisions at one instant: the state after them, and the new mode."""
+        return state, mode
+
+    def initial_weights(
+        self, batch_shape: Sequence[int], generator: torch.Generator | None = None
+    ) -> Any:
+        """Adaptive weights at t = 0, a tree, None here: it has none that are drawn."""
+        return None
+
+    def check_weights(self, weights: Any) -> torch.Size:
+        """Batch shape of initial weights. Raises `ConfigError` if they do not fit."""
+        if weights is not None:
+            raise ConfigError(f"{type(self).__name__} takes no initial weights")
+        return torch.Size()
+
+    def check_fit(self, n_inputs: int, n_outputs: int) -> None:
+        """Raise `ShapeError` if it is no controller for a plant of that many inputs and outputs."""
+        return None
 
     def proximity(
-        self,
-        reference: ReferenceSample,
-        measurement: Measurement,
-        state: ControllerState,
-        mode: Mode,
+        self, reference: ReferenceSample, measurement: Any, state: ControllerTree, mode: MemoryMode
     ) -> Proximity:
         """What decides the next event; asked only of a controller that `switches`."""
         raise NotImplementedError(f"{type(self).__name__} does not switch")
@@ -74,26 +98,20 @@ class Controller(DesignModule):
     def reallocate(
         self,
         reference: ReferenceSample,
-        measurement: Measurement,
-        state: ControllerState,
-        mode: Mode,
+        measurement: Any,
+        state: ControllerTree,
+        mode: MemoryMode,
         due: Tensor,
-    ) -> tuple[ControllerState, Mode]:
+    ) -> tuple[ControllerTree, MemoryMode]:
         """The reset that `jump` would make, in the samples `due` (...,) bool."""
         return state, mode
 
-    def check_network(self, network: NetworkState) -> None:
-        """Raise a `ConfigError` if these initial weights do not fit this controller."""
-        return None
+    def input_gains(
+        self, reference: ReferenceSample, output: ControlOutput, state: ControllerTree
+    ) -> InputGains | None:
+        """How the input answers to the measurement and to time: what is solved implicitly.
 
-    def torque_gains(
-        self, reference: ReferenceSample, output: ControlOutput, state: ControllerState
-    ) -> TorqueGains:
-        """How the torque answers to position, velocity and time: what is solved implicitly.
-
-        They may be approximate: its order does not depend on them, its stability does. Zeros
-        here, which makes it an explicit method.
+        They may be approximate: the solver's order does not depend on them, its stability does.
+        None here, which makes it an explicit method.
         """
-        n = output.torque.shape[-1]
-        zeros = output.torque.new_zeros((*output.torque.shape, n))
-        return TorqueGains(zeros, zeros, zeros[..., 0])
+        return None

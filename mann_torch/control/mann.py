@@ -3,73 +3,107 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from ..checks import instance, whole
-from ..errors import ConfigError
-from ..functional import Numbers, frobenius, number_by_number, per_matrix, times_column
+from ..errors import ConfigError, ShapeError
+from ..functional import Numbers, per_matrix, times_column
 from ..memory import WorkingMemory
 from ..types import (
     ControllerState,
     ControlOutput,
     ControlSignals,
     Features,
+    InputGains,
     Measurement,
     MemoryMode,
-    NetworkState,
     Proximity,
     ReferenceSample,
-    TorqueGains,
     TrackingError,
 )
 from .controller import Controller
+from .feature_network import FeatureNetwork
 from .network import AdaptiveNetwork
+from .network_inputs import ErrorsAndReference, NetworkInputs
 from .robust import RobustGain
 from .tracking import FilteredTracking
+
+#: Defaults of the paper's network: C_w, C_v, kappa and the spread of its first weights.
+_OF_NETWORK = (10.0, 10.0, 0.0, 0.1)
 
 
 class MannController(Controller):
     """tau = gain r + W'(sigma + h_o) + b_w; without a memory, the plain network controller.
 
-    The network's input is x~ = [e de s ds dds], I = 5n. Paper: eqs. (clawrobotarm), (nnoutput).
-    Constants, by name: `error_gain` (Lambda), `base_gain` (K_v), `robust_gain` (k_v),
-    `weight_bound` (Z_m), `rate_W` (C_w), `rate_V` (C_v), `e_modification` (kappa), and the
-    memory's `write_gain` (c_w), `shift_threshold` (theta), `key_rate` (c_k) where it has them.
+    Paper: eqs. (clawrobotarm), (nnoutput), with the network `AdaptiveNetwork` of `n_hidden` neurons
+    on x~ = [e de s ds dds], I = 5n. `network` and `inputs` put any feature network and any input
+    vector in their place. It drives n outputs whose values and rates are measured, by n inputs.
 
-    Raises `ConfigError` when the memory's N differs from `n_hidden`, `DomainError` for a constant
-    outside its domain, `KindError` for an argument of a wrong type.
+    Constants, by name: `error_gain` (Lambda), `base_gain` (K_v), `robust_gain` (k_v),
+    `weight_bound` (Z_m), the network's `rate_W` (C_w), `rate_V` (C_v), `e_modification` (kappa),
+    and the memory's `write_gain` (c_w), `shift_threshold` (theta), `key_rate` (c_k) where it has
+    them. Rates, e-modification and `initial_std` go to the paper's network alone.
+
+    Raises `ConfigError` when the memory's N differs from the network's, when both `n_hidden` and a
+    network are given or neither, `ShapeError` where network and inputs do not fit, `DomainError`
+    for a constant outside its domain, `KindError` for an argument of a wrong type.
     """
 
     def __init__(
         self,
         n_joints: int,
-        n_hidden: int,
+        n_hidden: int | None = None,
         memory: WorkingMemory | None = None,
         error_gain: Numbers = 5.0,
         base_gain: Numbers = 20.0,
         robust_gain: Numbers = 10.0,
         weight_bound: Numbers = 0.0,
-        rate_W: Numbers = 10.0,
-        rate_V: Numbers = 10.0,
-        e_modification: Numbers = 0.0,
-        initial_std: float = 0.1,
+        rate_W: Numbers = _OF_NETWORK[0],
+        rate_V: Numbers = _OF_NETWORK[1],
+        e_modification: Numbers = _OF_NETWORK[2],
+        initial_std: float = _OF_NETWORK[3],
+        network: FeatureNetwork | None = None,
+        inputs: NetworkInputs | None = None,
     ) -> None:
         super().__init__()
-        n_joints, n_hidden = whole("n_joints", n_joints), whole("n_hidden", n_hidden)
-        if memory is not None and instance("memory", memory, WorkingMemory).n_hidden != n_hidden:
+        n_joints = whole("n_joints", n_joints)
+        if (n_hidden is None) == (network is None):
+            raise ConfigError("give n_hidden, for the paper's network, or a network: one of them")
+        given = (rate_W, rate_V, e_modification, initial_std)
+        if network is not None and any(a is not b for a, b in zip(given, _OF_NETWORK, strict=True)):
+            raise ConfigError(
+                "rate_W, rate_V, e_modification and initial_std are those of the paper's network: "
+                "set them in the network that is given"
+            )
+        inputs = ErrorsAndReference(n_joints) if inputs is None else inputs
+        width = instance("inputs", inputs, NetworkInputs).width
+        if network is None:
+            network = AdaptiveNetwork(
+                width, whole("n_hidden", n_hidden), n_joints, rate_W, rate_V, e_modification,
+                initial_std,
+            )  # fmt: skip
+        instance("network", network, FeatureNetwork)
+        if (network.n_inputs, network.n_outputs) != (width, n_joints):
+            raise ShapeError(
+                f"a network of {network.n_inputs} inputs and {network.n_outputs} outputs among "
+                f"{width} inputs and {n_joints} joints"
+            )
+        held = network.n_hidden
+        if memory is not None and instance("memory", memory, WorkingMemory).n_hidden != held:
             raise ConfigError(
                 f"the memory stores N = {memory.n_hidden} numbers a slot, the network has "
-                f"N = {n_hidden} neurons: they must be equal"
+                f"N = {held} neurons: they must be equal"
             )
         self.n_joints = n_joints
         self.tracking = FilteredTracking(n_joints, error_gain)
-        self.network = AdaptiveNetwork(
-            5 * n_joints, n_hidden, n_joints, rate_W, rate_V, e_modification, initial_std
-        )
+        self.inputs = inputs
+        self.network = network
         self.robust = RobustGain(base_gain, robust_gain, weight_bound)
         self.memory = memory
+        self.reference_order = max(1, inputs.reference_order)
 
     @property
     def reallocates(self) -> bool:  # type: ignore[override]
@@ -81,24 +115,44 @@ class MannController(Controller):
         """Whether the memory attends one slot at a time."""
         return self.memory is not None and self.memory.attention.switches
 
-    def initial_network(
+    def initial_weights(
         self, batch_shape: Sequence[int], generator: torch.Generator | None = None
-    ) -> NetworkState:
+    ) -> Any:
         """Adaptive weights at t = 0: random with a generator, else the stored draw."""
         return self.network.initial_state(batch_shape, generator)
 
-    def check_network(self, network: NetworkState) -> None:
-        """Raise `ShapeError`, `DtypeError` or `ConfigError` for weights that do not fit."""
-        self.network.check_state(network)
+    def check_weights(self, weights: Any) -> torch.Size:
+        """Batch shape of weights.
+
+        Raises `ShapeError`, `DtypeError` or `ConfigError` for those that do not fit.
+        """
+        return torch.Size() if weights is None else self.network.check_state(weights)
+
+    def check_fit(self, n_inputs: int, n_outputs: int) -> None:
+        """Raise `ShapeError` unless there is an input for each of its outputs."""
+        if (n_inputs, n_outputs) != (self.n_joints, self.n_joints):
+            raise ShapeError(
+                f"a plant of {n_inputs} inputs and {n_outputs} outputs got a controller of "
+                f"{self.n_joints}"
+            )
 
     def initial_state(
-        self, reference: ReferenceSample, measurement: Measurement, network: NetworkState
+        self,
+        reference: ReferenceSample,
+        measurement: Measurement,
+        batch_shape: Sequence[int],
+        generator: torch.Generator | None = None,
+        weights: Any = None,
     ) -> tuple[ControllerState, MemoryMode | None]:
         """State and mode at t = 0; the memory starts from the features there."""
+        if weights is None:
+            weights = self.initial_weights(batch_shape, generator)
+        network = self.network.expand(weights, batch_shape)
         if self.memory is None:
             return ControllerState(network, None), None
-        _, _, features = self._look(reference, measurement, network)
-        hidden = torch.sigmoid(number_by_number(features.pre))  # the same bits in any batch
+        tracking: TrackingError = self.tracking(reference, measurement)
+        nn_input = self.inputs(tracking, reference, measurement)
+        hidden = self.network.first_features(nn_input, network)
         memory = self.memory.initial_state(hidden, measurement.q)
         mode = self.memory.initial_mode(hidden.shape[:-1])
         return ControllerState(network, memory), mode
@@ -110,12 +164,12 @@ class MannController(Controller):
         state: ControllerState,
         mode: MemoryMode | None,
     ) -> ControlOutput:
-        """Torque (..., n) [N m], d state/dt and signals."""
+        """Torque (..., n) [N m], time derivative of the state, and signals."""
         network = state.network
         tracking, nn_input, features = self._look(reference, measurement, network)
         r = tracking.filtered_error
-        correction = times_column(network.W, r)
-        norms = frobenius(network.W) + frobenius(network.V)
+        correction = self.network.correction(r, network)
+        norms = self.network.magnitude(network)
         hidden, read, weights, d_memory = features.hidden, None, None, None
         if self.memory is not None and state.memory is not None and mode is not None:
             read, weights, d_memory = self.memory(
@@ -124,11 +178,11 @@ class MannController(Controller):
             norms = norms + self.memory.magnitude(state.memory, mode)
             hidden = hidden + read
         gain = self.robust(norms)
-        torque = gain.unsqueeze(-1) * r + self.network.output(hidden, network)
+        u = gain.unsqueeze(-1) * r + self.network.output(hidden, network)
         error_norm = torch.linalg.vector_norm(tracking.error, dim=-1)
         d_network = self.network.derivative(nn_input, features, r, correction, error_norm, network)
         signals = ControlSignals(tracking, features, read, weights, gain)
-        return ControlOutput(torque, ControllerState(d_network, d_memory), signals)
+        return ControlOutput(u, ControllerState(d_network, d_memory), signals)
 
     def jump(
         self,
@@ -172,26 +226,29 @@ class MannController(Controller):
         memory, mode = self.memory.reallocate(hidden, measurement.q, state.memory, mode, due)
         return state._replace(memory=memory), mode
 
-    def torque_gains(
+    def input_gains(
         self, reference: ReferenceSample, output: ControlOutput, state: ControllerState
-    ) -> TorqueGains:
+    ) -> InputGains:
         """Rate gain = gain I + W' diag(sigma') V_de'; position gain = rate gain Lambda.
 
-        The torque answers to e and de: as time goes on, the reference moves both.
+        The input answers to e and de: as time goes on, the reference moves both.
         """
         n = self.n_joints
-        eye = torch.eye(n, dtype=output.torque.dtype)
-        slope = self.network.input_slope(output.signals.features, state.network, first=n, n=n)
-        rate = per_matrix(output.signals.gain) * eye + slope
+        rate = per_matrix(output.signals.gain) * torch.eye(n, dtype=output.input.dtype)
+        first = self.inputs.rate_from
+        if first is not None:
+            slope = self.network.input_slope(output.signals.features, state.network, first, n)
+            rate = rate if slope is None else rate + slope
         position = rate @ self.tracking.error_gain
-        drift = times_column(position, reference.qd) + times_column(rate, reference.qdd)
-        return TorqueGains(position, rate, drift)
+        gains = torch.cat([position, rate], dim=-1)
+        drift = times_column(position, reference.upto(1)[1])
+        if reference.acceleration is not None:
+            drift = drift + times_column(rate, reference.acceleration)
+        return InputGains(gains, drift)
 
     def _look(
-        self, reference: ReferenceSample, measurement: Measurement, network: NetworkState
+        self, reference: ReferenceSample, measurement: Measurement, network: Any
     ) -> tuple[TrackingError, Tensor, Features]:
         tracking: TrackingError = self.tracking(reference, measurement)
-        nn_input = torch.cat(
-            [tracking.error, tracking.error_rate, reference.q, reference.qd, reference.qdd], dim=-1
-        )
+        nn_input = self.inputs(tracking, reference, measurement)
         return tracking, nn_input, self.network.features(nn_input, network)

@@ -8,13 +8,25 @@ import torch
 from torch import Tensor
 
 from ..checks import NONNEGATIVE, instance, number, sizes, whole
-from ..constraints import DesignModule, NonNegative
+from ..constraints import NonNegative
 from ..errors import ConfigError, ShapeError
-from ..functional import Numbers, as_float64, outer, row_times
+from ..functional import (
+    Numbers,
+    as_float64,
+    frobenius,
+    number_by_number,
+    outer,
+    row_times,
+    times_column,
+)
 from ..types import Features, NetworkState
+from .feature_network import FeatureNetwork
+
+#: Trailing dimensions of W, b_w, V and b_v.
+_EVENT_DIMS = (2, 1, 2, 1)
 
 
-class AdaptiveNetwork(DesignModule):
+class AdaptiveNetwork(FeatureNetwork):
     """f^ = W' sigma(V' x~ + b_v) + b_w with weights that move by the paper's eq. (NNupdate).
 
     `rate_W`, `rate_V` are C_w, C_v and `e_modification` is kappa. W and b_w start at 0, V and b_v
@@ -76,8 +88,12 @@ class AdaptiveNetwork(DesignModule):
         V = self.initial_V.expand(*batch_shape, -1, -1)
         return self.from_inner_weights(V, self.initial_b_v.expand(*batch_shape, -1))
 
-    def check_state(self, state: NetworkState) -> None:
-        """Raise for weights of the wrong shape, of a dtype but float64, or not finite."""
+    def check_state(self, state: NetworkState) -> torch.Size:
+        """Batch shape of weights.
+
+        Raises for those of the wrong shape, of a dtype but float64, or not finite, and `ShapeError`
+        where their batch shapes do not broadcast.
+        """
         instance("network", state, NetworkState)
         n_inputs, n_hidden, n_outputs = self.n_inputs, self.n_hidden, self.n_outputs
         events = [(n_hidden, n_outputs), (n_outputs,), (n_inputs, n_hidden), (n_hidden,)]
@@ -91,6 +107,22 @@ class AdaptiveNetwork(DesignModule):
                 )
             if not bool(torch.isfinite(leaf).all()):
                 raise ConfigError(f"initial {name}: not all numbers are finite")
+        batches = [tuple(leaf.shape[:-k]) for leaf, k in zip(state, _EVENT_DIMS, strict=True)]
+        try:
+            return torch.broadcast_shapes(*batches)
+        except RuntimeError:
+            raise ShapeError(
+                f"batch shapes {batches} of initial weights do not broadcast"
+            ) from None
+
+    def expand(self, state: NetworkState, batch_shape: Sequence[int]) -> NetworkState:
+        """Weights of a whole batch."""
+        return NetworkState(
+            *(
+                leaf.expand(*batch_shape, *leaf.shape[-k:])
+                for leaf, k in zip(state, _EVENT_DIMS, strict=True)
+            )
+        )
 
     def features(self, nn_input: Tensor, state: NetworkState) -> Features:
         """V' x~ + b_v, sigma of it, and sigma's slope, each (..., N), at x~ (..., I)."""
@@ -98,9 +130,21 @@ class AdaptiveNetwork(DesignModule):
         hidden = torch.sigmoid(pre)
         return Features(pre, hidden, hidden * (1.0 - hidden))
 
+    def first_features(self, nn_input: Tensor, state: NetworkState) -> Tensor:
+        """sigma (..., N), number by number: the same bits in any batch."""
+        return torch.sigmoid(number_by_number(self.features(nn_input, state).pre))
+
     def output(self, hidden: Tensor, state: NetworkState) -> Tensor:
         """W' hidden + b_w (..., n); with hidden = sigma + h_o this is -u_ad (eq. nnoutput)."""
         return row_times(hidden, state.W) + state.b_w
+
+    def correction(self, feedback: Tensor, state: NetworkState) -> Tensor:
+        """W r (..., N) of an error feedback r (..., n)."""
+        return times_column(state.W, feedback)
+
+    def magnitude(self, state: NetworkState) -> Tensor:
+        """|W|_F + |V|_F (...,)."""
+        return frobenius(state.W) + frobenius(state.V)
 
     def derivative(
         self,

@@ -24,7 +24,8 @@ class FilteredTracking(DesignModule):
 
     def forward(self, reference: ReferenceSample, measurement: Measurement) -> TrackingError:
         """Errors (..., n) of a measurement against the reference."""
-        error = reference.q - measurement.q
-        error_rate = reference.qd - measurement.qd
+        s, ds = reference.upto(1)
+        error = s - measurement.q
+        error_rate = ds - measurement.qd
         filtered = error_rate + times_column(self.error_gain, error)
         return TrackingError(error, error_rate, filtered)

@@ -94,7 +94,7 @@ class Plant(Interface, nn.Module):
         """What a controller sees: a NamedTuple; the whole state here."""
         return state
 
-    def coefficients(self, parameters: Parameters) -> Coefficients:
+    def coefficients(self, parameters: Any) -> Coefficients:
         """What the equations need, computed once while the parameters are constant."""
         return parameters
 
@@ -118,7 +118,7 @@ class Plant(Interface, nn.Module):
         names = self.Input._fields  # type: ignore[attr-defined]
         return self.Input(u) if len(names) == 1 else self.Input(*u.split(1, dim=-1))
 
-    def parameters_of(self, **values: Numbers) -> Parameters:
+    def parameters_of(self, **values: Numbers) -> Any:
         """Checked parameters from rows (..., d) by name; what is not given has its default.
 
         Raises `ConfigError` for an unknown name, `ShapeError`, `DomainError`, `KindError` or
@@ -132,7 +132,7 @@ class Plant(Interface, nn.Module):
         self.check(parameters)
         return parameters
 
-    def check(self, parameters: Parameters) -> None:
+    def check(self, parameters: Any) -> None:
         """Raise as `parameters_of` does, for parameters or rows of a schedule."""
         if not all(hasattr(parameters, name) for name in self.fields):
             raise wrong("parameters", parameters, f"of {type(self).__name__}: {self._known}")

@@ -69,7 +69,9 @@ class Rows(nn.Module):
     def expand(self, batch_shape: Sequence[int]) -> Self:
         """The same with leading batch dimensions `batch_shape`."""
         shape = sizes("batch_shape", batch_shape)
-        return self._changed(lambda name, rows: rows.expand(*shape, *self._event(name)), "expand", shape)
+        return self._changed(
+            lambda name, rows: rows.expand(*shape, *self._event(name)), "expand", shape
+        )
 
     def select(self, members: Sequence[int]) -> Self:
         """Some members of the first batch dimension, which every row must have."""
@@ -98,9 +100,7 @@ class Rows(nn.Module):
         rows = self.held()[name]
         return rows.shape[rows.dim() - self._event_dims[name] :]
 
-    def _changed(
-        self, change: Callable[[str, Tensor], Tensor], method: str, argument: Any
-    ) -> Self:
+    def _changed(self, change: Callable[[str, Tensor], Tensor], method: str, argument: Any) -> Self:
         """A copy with other rows, its parts changed by their own `method`."""
         twin = copy.copy(self)
         twin._buffers = dict(self._buffers)

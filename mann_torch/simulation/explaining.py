@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -16,16 +17,15 @@ from ..checks import instance
 from ..functional import Numbers, as_float64
 from ..memory import relaxed
 from ..trees import leaf_names, leaves
-from ..types import NetworkState
 from .closed_loop import ClosedLoop
 from .engines import compiled_engine
 from .gradients import check_gradient, locates_events
-from .rollout import common_shape, rollout
+from .rollout import rollout
 from .scenario import Scenario
 from .solvers.implicit import Implicit
 from .solvers.solver import Solver
 from .step_grid import StepGrid
-from .task import task_of
+from .task import task_of, trains_of
 from .trajectory import Trajectory
 
 #: Seconds that the measured rollout should take, and steps it begins with.
@@ -81,7 +81,7 @@ def explain(
     scenario: Scenario,
     solver: Solver | None = None,
     *,
-    network: NetworkState | None = None,
+    weights: Any = None,
     gradient: str = "plain",
     temperature: Numbers | None = None,
 ) -> Explanation:
@@ -92,12 +92,8 @@ def explain(
     """
     instance("loop", loop, ClosedLoop)
     instance("scenario", scenario, Scenario).check()
-    if network is not None:
-        instance("network", network, NetworkState)
     solver = Implicit() if solver is None else solver
-    check_gradient(gradient, solver, temperature)
-    if network is None:
-        network = loop.controller.initial_network(common_shape(loop, scenario, ()), None)
+    check_gradient(gradient, solver, temperature, loop)
 
     def run(steps: int) -> tuple[Trajectory, float]:
         """So many steps, or all of the scenario, and their time."""
@@ -108,7 +104,7 @@ def explain(
                 loop,
                 dataclasses.replace(scenario, horizon=shorter),
                 solver,
-                network=network,
+                weights=weights,
                 motion_dt=max(steps * solver.dt, solver.dt),
                 sample_until=0.0,
                 gradient=gradient,
@@ -125,7 +121,8 @@ def explain(
         ran_here, spent = run(steps)
     engine, reason = ran_here.engine, ran_here.engine_reason
     ran = loop if temperature is None else relaxed(loop, temperature)
-    task = task_of(ran, scenario, solver, network, StepGrid(solver.dt, [], solver.dt))
+    grid = StepGrid(solver.dt, [], solver.dt, trains_of(ran) or ())
+    task = task_of(ran, scenario, solver, grid, weights)
     operations: Mapping[str, int] = {}
     if engine == "compiled":
         task = dataclasses.replace(task, hybrid=locates_events(gradient, ran))
@@ -141,7 +138,7 @@ def explain(
         reason=reason,
         operations=operations,
         state=shapes(task.state),
-        mode={} if task.mode is None else shapes(task.mode),
+        mode=shapes(task.mode),
         batch=tuple(task.batch),
         steps_per_second=steps * size / spent,
         first_s=first,

@@ -17,7 +17,12 @@ from .solvers.solver import Solver
 GRADIENTS = ("plain", "hybrid", "soft")
 
 
-def check_gradient(gradient: str, solver: Solver, temperature: Numbers | None = None) -> None:
+def check_gradient(
+    gradient: str,
+    solver: Solver,
+    temperature: Numbers | None = None,
+    loop: ClosedLoop | None = None,
+) -> None:
     """Raise `ConfigError` for an unknown name, or what it cannot have or lacks; `KindError`."""
     choice("gradient", gradient, GRADIENTS)
     instance("solver", solver, Solver)
@@ -29,6 +34,11 @@ def check_gradient(gradient: str, solver: Solver, temperature: Numbers | None = 
         raise ConfigError(
             f"gradient = 'hybrid': events are located in steps of the implicit solver, not of "
             f"{solver.name}"
+        )
+    if loop is not None and loop.samples and locates_events(gradient, loop):
+        raise ConfigError(
+            "gradient = 'hybrid': with a clock or a sensor that samples, decisions fall on ticks, "
+            "without a time of their own: take 'plain'"
         )
 
 

@@ -6,32 +6,39 @@ import torch
 from torch import Tensor
 
 from ..checks import instance
-from ..signals import noise_at
-from ..types import ControlOutput, MemoryMode
-from .closed_loop import ClosedLoop
+from ..signals import Surroundings, noise_at
+from ..trees import leaves
+from ..types import MemoryMode
+from .closed_loop import ClosedLoop, Observation
+from .conditions import Conditions
 from .scenario import Scenario
+from .starting import coefficients_of
 from .trajectory import Trajectory
 
 
-def observe(loop: ClosedLoop, scenario: Scenario, trajectory: Trajectory) -> ControlOutput:
-    """Torque, errors, features, read and weights at the trajectory's samples, each (K, ..., .).
+def observe(loop: ClosedLoop, scenario: Scenario, trajectory: Trajectory) -> Observation:
+    """Inputs, outputs, reference, signals at the trajectory's samples, each (K, ..., .).
 
     Raises `KindError`.
     """
     instance("loop", loop, ClosedLoop)
     instance("scenario", scenario, Scenario)
     instance("trajectory", trajectory, Trajectory)
-    batch = trajectory.states.plant.q.shape[1:-1]
-    reference = scenario.reference.expand(batch)
+    plant, t = trajectory.states.plant, trajectory.sample_t
+    batch = leaves(plant)[0].shape[1:-1]
+    coefficients = coefficients_of(loop, scenario, batch, t)
     noise = None
     if scenario.noise is not None:
         # At the end of the last step no other begins: it shows the noise of the last.
-        step = torch.searchsorted(trajectory.step_t, trajectory.sample_t)
+        step = torch.searchsorted(trajectory.step_t, t)
         instants = scenario.noise.instants(trajectory.step_t[:-1])
         chosen = instants[step.clamp(max=len(instants) - 1)]
-        table = scenario.noise.expand(batch).table(reference.n_joints, int(instants[-1]) + 1)
+        widths = [part.shape[-1] for part in loop.plant.measure(plant, coefficients)]
+        table = scenario.noise.expand(batch).table(widths, int(instants[-1]) + 1)
         noise = noise_at(table, chosen)
-    return loop.observe(trajectory.sample_t, trajectory.states, trajectory.modes, reference, noise)
+    outside = Surroundings(scenario.reference, scenario.disturbance).expand(batch)
+    here = Conditions(outside, coefficients, noise)
+    return loop.observe(t, trajectory.states, trajectory.held, here)
 
 
 def attended_slot(trajectory: Trajectory) -> Tensor | None:

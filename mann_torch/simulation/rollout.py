@@ -6,24 +6,24 @@ import dataclasses
 import functools
 import logging
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import torch
 
 from ..checks import ABOVE_0, NONNEGATIVE, choice, function, instance, maybe, number, sizes, text
 from ..compiled import UntraceableError
-from ..errors import ConfigError, KernelError, ShapeError
+from ..errors import ConfigError, KernelError
 from ..functional import Numbers
 from ..memory import relaxed
-from ..trees import leaf_names
-from ..types import NetworkState
+from ..trees import leaf_names, leaves
 from .closed_loop import ClosedLoop
 from .engines import compiled_engine, torch_engine
 from .gradients import check_gradient, locates_events
+from .outputs import outputs_of, plant_states
 from .scenario import Scenario
 from .solvers.implicit import Implicit
 from .solvers.solver import Solver
-from .step_grid import StepGrid
-from .task import Record, Task, task_of
+from .task import Record, Task, grid_of, task_of
 from .trajectory import Trajectory
 
 ENGINES = ("auto", "compiled", "torch")
@@ -37,7 +37,7 @@ def rollout(
     scenario: Scenario,
     solver: Solver | None = None,
     *,
-    network: NetworkState | None = None,
+    weights: Any = None,
     generator: torch.Generator | None = None,
     batch_shape: Sequence[int] = (),
     sample_dt: float = 0.05,
@@ -59,21 +59,22 @@ def rollout(
     requires grad; under `torch.no_grad()` no graph is kept.
 
     Args:
-        loop: plant and controller.
+        loop: plant, controller and what stands between them.
         scenario: what to do, batched or not.
         solver: `Implicit()` if not given.
-        network: initial adaptive weights, each leaf (..., *event). If not given: random with
-            `generator`, one draw a sample, else the controller's own.
+        weights: initial adaptive weights, as the controller's `initial_weights` gives them, each
+            leaf (..., *event). If not given: random with `generator`, one draw a sample, else the
+            controller's own.
         generator: source of random initial weights.
         batch_shape: batch shape of the initial weights; it must broadcast with those of the
             scenario and of the controller's constants.
         sample_dt: interval [s] at which whole states are kept.
         sample_until: time [s] after which no whole states are kept.
-        motion_dt: interval [s] at which joint motion and the integral of squared error are kept;
-            every step if not given. The integral counts every step in any case. Where nothing is
-            kept between the ends, `Trajectory.error` is refused.
-        effort_after: if given, torque rates are measured, and peak torques from this time on [s]
-            (`torque_rate`, `peak_torque`).
+        motion_dt: interval [s] at which the plant's state and the integral of squared error are
+            kept; every step if not given. The integral counts every step in any case. Where nothing
+            is kept between the ends, `Trajectory.error` is refused.
+        effort_after: if given, rates of the commanded input are measured, and its peaks from this
+            time on [s] (`input_rate`, `peak_input`).
         divergence_limit: a sample with a state entry beyond this, or NaN, is frozen there and
             reported in `status`; the others go on undisturbed.
         engine: ``compiled`` traces the loop's step and runs the rollout as one kernel, batches on
@@ -106,26 +107,21 @@ def rollout(
     motion_dt = maybe("motion_dt", motion_dt)
     effort_after = maybe("effort_after", effort_after, NONNEGATIVE)
     batch_shape = sizes("batch_shape", batch_shape, single=False)
-    if network is not None:
-        instance("network", network, NetworkState)
     if generator is not None:
         instance("generator", generator, torch.Generator)
     if progress is not None:
         function("progress", progress)
-    if network is not None and (generator is not None or batch_shape != ()):
-        raise ConfigError("give initial weights as `network`, or generator and batch_shape")
+    if weights is not None and (generator is not None or batch_shape != ()):
+        raise ConfigError("give initial weights as `weights`, or generator and batch_shape")
     solver = Implicit() if solver is None else solver
-    check_gradient(gradient, solver, temperature)
+    check_gradient(gradient, solver, temperature, loop)
     if temperature is not None:
         loop = relaxed(loop, temperature)
     hybrid = locates_events(gradient, loop)
     obstacle = check_engine(loop, scenario, solver, engine, device)
-    if network is None:
-        shape = common_shape(loop, scenario, batch_shape)
-        network = loop.controller.initial_network(shape, generator)
-    grid = StepGrid(scenario.end, scenario.knots(), solver.dt)
+    grid = grid_of(loop, scenario, solver.dt)
     task = dataclasses.replace(
-        task_of(loop, scenario, solver, network, grid),
+        task_of(loop, scenario, solver, grid, weights, generator, batch_shape),
         motion_rows=grid.motion_rows(motion_dt),
         state_rows=grid.samples(sample_dt, sample_until),
         limit=divergence_limit,
@@ -196,22 +192,26 @@ def check_engine(
 
 
 def _trajectory(task: Task, record: Record) -> Trajectory:
-    n = task.state.plant.q.shape[-1]
     times = task.grid.times
-    rows, samples = len(record.motion), len(record.states.plant.q)
+    rows, samples = len(record.motion), len(leaves(record.states.plant)[0])
     began = times[record.stopped.clamp(min=0)]
+    kept = times[task.motion_rows[:rows]]
     return Trajectory(
-        t=times[task.motion_rows[:rows]],
-        q=record.motion[..., :n],
-        qd=record.motion[..., n:],
+        t=kept,
+        plant=plant_states(task, record.motion),
+        output=outputs_of(task, kept, record.motion),
+        followed=record.followed,
+        inputs=task.loop.plant.inputs,
+        outputs=task.loop.plant.outputs,
         squared_error=record.squared_error,
         effort=record.effort,
         step_t=times,
         horizon=task.horizon,
         sample_t=times[task.state_rows[:samples]],
         states=record.states,
-        modes=record.modes,
-        final_mode=record.final_mode,
+        modes=record.modes.controller,
+        held=record.modes,
+        final_mode=record.final_mode.controller,
         status=record.kind,
         stopped_at=torch.where(record.stopped >= 0, began, torch.nan),
         cause=record.leaf,
@@ -219,18 +219,6 @@ def _trajectory(task: Task, record: Record) -> Trajectory:
         solver=task.solver.name,
         engine=record.engine,
         engine_reason=record.reason,
-        signal=task.reference,
+        signal=task.surroundings.reference,
         events=record.events,
     )
-
-
-def common_shape(loop: ClosedLoop, scenario: Scenario, extra: Sequence[int]) -> torch.Size:
-    """Batch shape of all of them. Raises `ShapeError`."""
-    shapes = (scenario.batch_shape, loop.controller.batch_shape(), extra)
-    try:
-        return torch.broadcast_shapes(*(tuple(shape) for shape in shapes))
-    except (RuntimeError, TypeError):
-        raise ShapeError(
-            f"batch shapes of scenario {tuple(shapes[0])}, constants {tuple(shapes[1])} and "
-            f"batch_shape = {extra} do not broadcast"
-        ) from None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -12,9 +13,8 @@ from ..checks import instance, named, several, sizes, text, wrong
 from ..errors import ConfigError, ShapeError
 from ..functional import as_float64
 from ..plants.plant import Parameters
-from ..signals import MeasurementNoise, PiecewiseConstant, Reference
+from ..signals import Disturbance, MeasurementNoise, PiecewiseConstant, Reference
 from ..trees import leaves, map_tensors
-from ..types import PlantState
 
 
 def _expand(leaf: Tensor, batch: torch.Size, event_dims: int) -> Tensor:
@@ -37,7 +37,8 @@ class Scenario:
 
     `schedule` names fields of the plant's parameters (``masses``) that jump in time. `horizon`
     [s] is a number or a tensor (...,): a sample's metrics stop at its own. `start` is the plant's
-    state at t = 0, at rest at q = 0 if not given. `noise` is what the sensors add.
+    state at t = 0, at rest if not given. `noise` is what the sensors add, `disturbance` what else
+    acts on the loop from outside.
 
     Raises `ConfigError` for a horizon that is not finite and > 0 or a schedule of an unknown
     field, `ShapeError` where batch shapes do not broadcast, `KindError` or `DtypeError` for a part
@@ -48,8 +49,9 @@ class Scenario:
     parameters: Parameters
     horizon: float | Tensor
     schedule: Mapping[str, PiecewiseConstant] = field(default_factory=dict)
-    start: PlantState | None = None
+    start: Any = None  # a NamedTuple like the plant's state
     noise: MeasurementNoise | None = None
+    disturbance: Disturbance | None = None
     name: str = "scenario"
 
     def __post_init__(self) -> None:
@@ -74,13 +76,17 @@ class Scenario:
                 )
         if self.noise is not None:
             instance("noise", self.noise, MeasurementNoise).check()
+        if self.disturbance is not None:
+            instance("disturbance", self.disturbance, Disturbance)
         if self.start is not None:
-            instance("start", self.start, PlantState)
-        for leaf in self.start or ():
-            if not bool(torch.isfinite(as_float64(instance("start", leaf, Tensor), "start")).all()):
-                raise ConfigError(f"start = {leaf.tolist()}: must be finite")
-            if leaf.shape[-1:] != (self.reference.n_joints,):
-                raise ShapeError(f"start of shape {tuple(leaf.shape)}: give one number a joint")
+            if not hasattr(self.start, "_fields"):
+                raise wrong("start", self.start, "a NamedTuple like the plant's state")
+            for leaf in self.start:
+                rows = as_float64(instance("start", leaf, Tensor), "start")
+                if rows.dim() < 1:
+                    raise ShapeError("start of shape (): give a row of numbers a field")
+                if not bool(torch.isfinite(rows).all()):
+                    raise ConfigError(f"start = {leaf.tolist()}: must be finite")
         try:
             _ = self.batch_shape
         except RuntimeError as error:
@@ -94,8 +100,7 @@ class Scenario:
         shapes += [schedule.batch_shape for schedule in self.schedule.values()]
         if self.start is not None:
             shapes += [leaf.shape[:-1] for leaf in self.start]
-        if self.noise is not None:
-            shapes.append(self.noise.batch_shape)
+        shapes += [part.batch_shape for part in (self.noise, self.disturbance) if part is not None]
         return torch.broadcast_shapes(*shapes)
 
     @property
@@ -113,13 +118,6 @@ class Scenario:
         moving = {name: schedule.at(t) for name, schedule in self.schedule.items()}
         return self.parameters._replace(**moving)
 
-    def start_state(self) -> PlantState:
-        """Plant state at t = 0, (..., n)."""
-        if self.start is not None:
-            return self.start
-        zero = torch.zeros(self.reference.n_joints, dtype=torch.float64)
-        return PlantState(zero, zero)
-
     def expanded(self) -> Scenario:
         """The same scenario with every part expanded to the common batch shape."""
         batch = self.batch_shape
@@ -129,8 +127,9 @@ class Scenario:
             parameters=map_tensors(lambda leaf: _expand(leaf, batch, 1), self.parameters),
             horizon=as_float64(self.horizon).expand(batch),
             schedule={name: s.expand(batch) for name, s in self.schedule.items()},
-            start=map_tensors(lambda leaf: _expand(leaf, batch, 1), self.start_state()),
+            start=map_tensors(lambda leaf: _expand(leaf, batch, 1), self.start),
             noise=None if self.noise is None else self.noise.expand(batch),
+            disturbance=None if self.disturbance is None else self.disturbance.expand(batch),
         )
 
     def select(self, members: Sequence[int]) -> Scenario:
@@ -142,8 +141,9 @@ class Scenario:
             parameters=map_tensors(lambda leaf: leaf[rows], full.parameters),
             horizon=as_float64(full.horizon)[rows],
             schedule={name: s.select(rows) for name, s in full.schedule.items()},
-            start=map_tensors(lambda leaf: leaf[rows], full.start_state()),
+            start=map_tensors(lambda leaf: leaf[rows], full.start),
             noise=None if full.noise is None else full.noise.select(rows),
+            disturbance=None if full.disturbance is None else full.disturbance.select(rows),
         )
 
     @staticmethod
@@ -151,7 +151,7 @@ class Scenario:
         """One scenario with a new leading batch dimension, a row per given scenario.
 
         All must be of the same batch shape, the same kind of reference and the same scheduled
-        fields, all with noise or none. Raises `ConfigError` otherwise.
+        fields, all with noise, disturbance and a start, or none. Raises `ConfigError` otherwise.
         """
         scenarios = several("scenarios", scenarios, Scenario)
         kinds = {
@@ -160,21 +160,21 @@ class Scenario:
                 tuple(sorted(s.schedule)),
                 type(s.parameters),
                 s.batch_shape,
-                s.noise is None,
+                *(part is None for part in (s.start, s.noise, s.disturbance)),
             )
             for s in scenarios
         }
         if len(kinds) != 1:
             raise ConfigError(
                 "scenarios to stack must be at least one, with the same kind of reference and "
-                "parameters, the same scheduled fields and the same batch shape, all with noise or "
-                "none"
+                "parameters, the same scheduled fields and the same batch shape, all with noise, "
+                "disturbance and a start, or none"
             )
         scenarios = [s.expanded() for s in scenarios]
         first = scenarios[0]
-        starts = [scenario.start_state() for scenario in scenarios]
         rows = [scenario.parameters for scenario in scenarios]
         noises = [s.noise for s in scenarios if s.noise is not None]
+        winds = [s.disturbance for s in scenarios if s.disturbance is not None]
         return Scenario(
             reference=first.reference.stack([s.reference for s in scenarios]),
             parameters=map_tensors(lambda *t: torch.stack(t), *rows),
@@ -183,7 +183,8 @@ class Scenario:
                 key: PiecewiseConstant.stack([s.schedule[key] for s in scenarios])
                 for key in first.schedule
             },
-            start=map_tensors(lambda *t: torch.stack(t), *starts),
+            start=map_tensors(lambda *t: torch.stack(t), *[s.start for s in scenarios]),
             noise=MeasurementNoise.stack(noises) if noises else None,
+            disturbance=winds[0].stack(winds) if winds else None,
             name=name,
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -35,6 +36,14 @@ def _check_interval(name: str, value: float, end: float = 0.0) -> None:
         raise ConfigError(f"{name} = {value}: over {MAX_ROWS:.0e} intervals in {end:g} s")
 
 
+def _merged(starts: Tensor, instants: Tensor) -> Tensor:
+    """Sorted times of both; of those within `MERGE` of each other, the one in `starts`."""
+    place = torch.searchsorted(starts, instants)
+    padded = torch.cat([starts.new_tensor([-torch.inf]), starts, starts.new_tensor([torch.inf])])
+    gap = torch.minimum(instants - padded[place], padded[place + 1] - instants)
+    return torch.cat([starts, instants[gap > MERGE]]).sort().values
+
+
 @dataclass(frozen=True)
 class Segment:
     """Steps over which all plant parameters are constant."""
@@ -44,13 +53,28 @@ class Segment:
     lookup: float  # time at which the parameters in force are read [s]
 
 
-class StepGrid:
-    """Times 0 = t_0 < ... < t_T = horizon with steps of at most `dt`, split at `knots`.
+class Train(NamedTuple):
+    """Instants offset + k period [s], k = 0, 1, ..."""
 
-    Raises `ConfigError` unless dt is finite and > 0.
+    period: float
+    offset: float = 0.0
+
+    def until(self, end: float) -> Tensor:
+        """All of them before `end` [s]."""
+        count = max(0, math.ceil((end - self.offset) / self.period))
+        instants = self.offset + self.period * torch.arange(count, dtype=torch.float64)
+        return instants[instants < end]
+
+
+class StepGrid:
+    """Times 0 = t_0 < ... < t_T = horizon, at most `dt` apart, with all `knots` and `trains`.
+
+    Raises `ConfigError` unless dt and periods are finite and > 0.
     """
 
-    def __init__(self, horizon: float, knots: Sequence[float], dt: float) -> None:
+    def __init__(
+        self, horizon: float, knots: Sequence[float], dt: float, trains: Sequence[Train] = ()
+    ) -> None:
         _check_interval("dt", dt, horizon)
         edges: list[float] = [0.0]
         lookups: list[float] = [0.0]
@@ -62,18 +86,33 @@ class StepGrid:
             else:
                 edges.append(knot)
                 lookups.append(knot)
-        edges.append(horizon)
-        pieces: list[Tensor] = []
-        self.segments: list[Segment] = []
-        first = 0
-        for start, end, lookup in zip(edges[:-1], edges[1:], lookups, strict=True):
-            n = max(1, math.ceil((end - start) / dt - 1e-6))
-            fraction = torch.arange(n, dtype=torch.float64) / n
-            pieces.append(start + (end - start) * fraction)
-            self.segments.append(Segment(first, first + n, lookup))
-            first += n
-        pieces.append(torch.tensor([horizon], dtype=torch.float64))
-        self.times = torch.cat(pieces)
+        starts, self._instants = torch.tensor(edges, dtype=torch.float64), []
+        for train in trains:
+            _check_interval("period", train.period, horizon)
+            instants = train.until(horizon - MERGE)
+            starts = _merged(starts, instants)
+            self._instants.append(instants)
+        ends = torch.cat([starts[1:], starts.new_tensor([horizon])])
+        counts = torch.ceil((ends - starts) / dt - 1e-6).clamp(min=1).to(torch.int64)
+        first = counts.cumsum(0) - counts
+        place = torch.arange(int(counts.sum())) - first.repeat_interleave(counts)
+        fraction = place.to(torch.float64) / counts.repeat_interleave(counts)
+        start, length = (x.repeat_interleave(counts) for x in (starts, ends - starts))
+        self.times = torch.cat([start + length * fraction, starts.new_tensor([horizon])])
+        knots_at = torch.searchsorted(starts, torch.tensor(edges, dtype=torch.float64))
+        cuts = first[knots_at].tolist()
+        self.segments = [
+            Segment(cut, last, lookup)
+            for cut, last, lookup in zip(cuts, [*cuts[1:], len(place)], lookups, strict=True)
+        ]
+
+    def ticks(self, train: int) -> Tensor:
+        """Whether a step begins at an instant of that train, (T,) bool."""
+        instants, starts = self._instants[train], self.times[:-1]
+        found = torch.zeros(len(starts), dtype=torch.bool)
+        if len(instants):
+            found[torch.searchsorted(starts, instants - MERGE)] = True
+        return found
 
     @property
     def n_steps(self) -> int:

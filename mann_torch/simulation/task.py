@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
 from ..functional import as_float64
-from ..signals import NoiseTable, Reference, noise_at
-from ..types import LoopState, Measurement, Mode, NetworkState
+from ..signals import NoiseTable, Surroundings, noise_at
+from ..trees import leaves
+from ..types import LoopMode, LoopState
 from .closed_loop import ClosedLoop
+from .conditions import Conditions, Ticks
 from .events.steps import EventCounts
 from .scenario import Scenario
 from .solvers.solver import Solver
-from .step_grid import StepGrid
+from .starting import coefficients_of, start_of
+from .step_grid import StepGrid, Train
 
 
 @dataclass(frozen=True)
@@ -27,53 +30,91 @@ class Task:
     scenario: Scenario
     solver: Solver
     grid: StepGrid
-    reference: Reference
+    surroundings: Surroundings
     state: LoopState  # at t = 0
-    mode: Mode
+    mode: LoopMode
     horizon: Tensor  # (...,) [s]
-    motion_rows: list[int]  # step times at which joint motion is kept
+    motion_rows: list[int]  # step times at which the plant's state is kept
     state_rows: list[int]  # step times at which whole states are kept
     noise: NoiseTable | None  # on what is measured
     noise_instants: Tensor  # (T,) int64, sampling instant of each step
+    ticks: tuple[Tensor, Tensor] | None = None  # (T,) bool each, of sensor and clock
     limit: float = 1e8
     progress: Callable[[int], object] | None = None
     device: str = "cpu"
     tape_memory: float = 256e6  # [bytes]
-    effort_after: float | None = None  # peak torques count from here on [s]; None: no effort
+    effort_after: float | None = None  # peak inputs count from here on [s]; None: no effort
     hybrid: bool = False  # steps locate events, see `events/steps.hybrid_step`
 
-    def noise_in(self, k: int) -> Measurement | None:
-        """What the sensors add in step k, each member (..., n)."""
-        if self.noise is None:
-            return None
-        return noise_at(self.noise, self.noise_instants[k])
+    def conditions(self, k: int, coefficients: Any) -> Conditions:
+        """What step k is under."""
+        noise = None if self.noise is None else noise_at(self.noise, self.noise_instants[k])
+        ticks = None if self.ticks is None else Ticks(*(bool(train[k]) for train in self.ticks))
+        return Conditions(self.surroundings, coefficients, noise, ticks)
 
     @property
     def batch(self) -> torch.Size:
         """Batch shape `...`."""
-        return self.state.plant.q.shape[:-1]
+        return leaves(self.state.plant)[0].shape[:-1]
+
+    @property
+    def n_inputs(self) -> int:
+        """m."""
+        return len(self.loop.plant.inputs)
+
+    @property
+    def n_outputs(self) -> int:
+        """p."""
+        return len(self.loop.plant.outputs)
+
+
+def trains_of(loop: ClosedLoop) -> tuple[Train, Train] | None:
+    """When sensor and clock tick, each at the other's instants if it has none of its own."""
+    if not loop.samples:
+        return None
+    clock = None if loop.clock is None else Train(loop.clock.period, loop.clock.offset)
+    sensor = None
+    if loop.sensor is not None and loop.sensor.period is not None:
+        sensor = Train(loop.sensor.period)
+    found = [train for train in (sensor, clock) if train is not None]
+    return sensor or found[0], clock or found[0]
+
+
+def grid_of(loop: ClosedLoop, scenario: Scenario, dt: float) -> StepGrid:
+    """The steps of a rollout: they end on jumps of parameters, and on ticks."""
+    trains = trains_of(loop) or ()
+    return StepGrid(scenario.end, scenario.knots(), dt, trains)
 
 
 def task_of(
-    loop: ClosedLoop, scenario: Scenario, solver: Solver, network: NetworkState, grid: StepGrid
+    loop: ClosedLoop,
+    scenario: Scenario,
+    solver: Solver,
+    grid: StepGrid,
+    weights: Any = None,
+    generator: torch.Generator | None = None,
+    batch_shape: Sequence[int] = (),
 ) -> Task:
     """The rollout from these initial weights, of which both ends are kept.
 
     Raises `ShapeError`, `DomainError`.
     """
-    state, mode = loop.initial_state(scenario, network)
-    batch = state.plant.q.shape[:-1]
+    state, mode = start_of(loop, scenario, weights, generator, batch_shape)
+    batch = leaves(state.plant)[0].shape[:-1]
     noise, instants = scenario.noise, torch.zeros(grid.n_steps, dtype=torch.int64)
     table = None
     if noise is not None:
         instants = noise.instants(grid.times[:-1])
-        table = noise.expand(batch).table(state.plant.q.shape[-1], int(instants[-1]) + 1)
+        zero = torch.zeros((), dtype=torch.float64)
+        measured = loop.plant.measure(state.plant, coefficients_of(loop, scenario, batch, zero))
+        widths = [part.shape[-1] for part in measured]
+        table = noise.expand(batch).table(widths, int(instants[-1]) + 1)
     return Task(
         loop=loop,
         scenario=scenario,
         solver=solver,
         grid=grid,
-        reference=scenario.reference.expand(batch),
+        surroundings=Surroundings(scenario.reference, scenario.disturbance).expand(batch),
         state=state,
         mode=mode,
         horizon=as_float64(scenario.horizon).expand(batch),
@@ -81,30 +122,32 @@ def task_of(
         state_rows=[0],
         noise=table,
         noise_instants=instants,
+        ticks=(grid.ticks(0), grid.ticks(1)) if loop.samples else None,
     )
 
 
 class Effort(NamedTuple):
-    """What the torque costs, running over the steps within a sample's horizon.
+    """What the commanded input costs, running over the steps within a sample's horizon.
 
-    A step's torque is that at its start, noise included; its rate is what changed since the step
+    A step's input is that at its start, noise included; its rate is what changed since the step
     before, over that step's length.
     """
 
-    rate_square: Tensor  # (T', ..., n) integral of the squared rate [(N m)^2/s]
-    peak: Tensor  # (T', ..., n) largest |torque| since `effort_after` [N m]
+    rate_square: Tensor  # (T', ..., m) integral of the squared rate [unit^2/s]
+    peak: Tensor  # (T', ..., m) largest |input| since `effort_after`
 
 
 @dataclass(frozen=True)
 class Record:
     """What an engine kept. Where every sample failed, rows after the last failure are missing."""
 
-    motion: Tensor  # (T', ..., 2n) q and qd
-    squared_error: Tensor  # (T', ..., n) running sum of squared error times its share of time
+    motion: Tensor  # (T', ..., M) state of the plant
+    squared_error: Tensor  # (T', ..., p) running sum of squared error times its share of time
+    followed: Tensor | None  # (T', ..., p) output of a reference model
     effort: Effort | None
     states: LoopState  # (K, ..., *event)
-    modes: Mode  # (K, ..., *event)
-    final_mode: Mode
+    modes: LoopMode  # (K, ..., *event)
+    final_mode: LoopMode
     stopped: Tensor  # (...,) int64, step that failed; -1 where none did
     kind: Tensor  # (...,) int64, values of `Status`
     leaf: Tensor  # (...,) int64, first leaf of the state that failed; -1 where none did

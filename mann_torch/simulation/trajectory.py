@@ -1,10 +1,10 @@
-"""The result of a rollout: what it came to, the joints' motion, whole states."""
+"""The result of a rollout: what it came to, the plant's motion, whole states."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
-from typing import TYPE_CHECKING, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import torch
 from torch import Tensor
@@ -12,7 +12,7 @@ from torch import Tensor
 from ..errors import RecordError
 from ..signals import Reference
 from ..trees import map_tensors
-from ..types import LoopState, Mode, ReferenceSample
+from ..types import Channel, LoopMode, LoopState, Mode, ReferenceSample
 from .events.steps import EventCounts
 from .step_grid import counted_in
 from .task import Effort
@@ -34,12 +34,14 @@ class Outcome:
     `Trajectory` has is refused with a `RecordError`.
     """
 
-    #: (T', ..., n) integral of e^2 over all steps up to t [rad^2 s]; of an outcome alone T' = 1.
+    #: (T', ..., p) integral of e^2 over all steps up to t; of an outcome alone T' = 1.
     squared_error: Tensor
-    effort: Effort | None  # each (T', ..., n); None unless `effort_after` was given
+    effort: Effort | None  # each (T', ..., m); None unless `effort_after` was given
+    inputs: tuple[Channel, ...]  # names and units of the m inputs
+    outputs: tuple[Channel, ...]  # and of the p outputs
     step_t: Tensor  # (T+1,) all step times [s]
     horizon: Tensor  # (...,) [s]
-    final_mode: Mode  # (..., *event) at the end
+    final_mode: Mode  # (..., *event) of the controller at the end
     status: Tensor  # (...,) int64, values of `Status`
     stopped_at: Tensor  # (...,) [s], NaN where the sample ran to the end
     cause: Tensor  # (...,) int64, index in `leaf_names` of what failed first; -1 where nothing did
@@ -78,14 +80,15 @@ class Outcome:
 
 @dataclass(frozen=True, kw_only=True)
 class Motion(Outcome):
-    """An outcome with the joints' motion at step times.
+    """An outcome with the plant's motion at step times.
 
     Rows of a sample after `stopped_at` repeat its last good state.
     """
 
     t: Tensor  # (T',) step times at which the motion is kept [s]; all of them unless `motion_dt`
-    q: Tensor  # (T', ..., n) [rad]
-    qd: Tensor  # (T', ..., n) [rad/s]
+    plant: Any  # state of the plant, a field (T', ..., d)
+    output: Tensor  # (T', ..., p) what is to follow the reference
+    followed: Tensor | None  # (T', ..., p) what a reference model gave; None without one
     signal: Reference = field(repr=False)
 
     @property
@@ -100,7 +103,7 @@ class Motion(Outcome):
 
     @property
     def reference(self) -> ReferenceSample:
-        """The desired trajectory at `t`, each member (T', ..., n).
+        """The desired outputs at `t`, each member (T', ..., p), or a reference model's, if any.
 
         Raises `RecordError` where nothing was kept between the ends: two instants are no course.
         """
@@ -110,12 +113,14 @@ class Motion(Outcome):
                 "of the error needs a shorter motion_dt, or none"
             )
         sample: ReferenceSample = self.signal(self.t)
+        if self.followed is not None:
+            return ReferenceSample(self.followed, command=sample.value)
         return sample
 
     @property
     def error(self) -> Tensor:
-        """Tracking error e = s - x (T', ..., n) [rad]. Raises what `reference` raises."""
-        return self.reference.q - self.q
+        """Tracking error e = s - y (T', ..., p). Raises what `reference` raises."""
+        return self.reference.value - self.output
 
     @property
     def outcome(self) -> Outcome:
@@ -127,11 +132,12 @@ class Motion(Outcome):
 
 @dataclass(frozen=True, kw_only=True)
 class Trajectory(Motion):
-    """What a rollout came to, joint motion at step times and the whole state at samples."""
+    """What a rollout came to, the motion at step times and the whole state at samples."""
 
-    sample_t: Tensor  # (K,) times of `states` and `modes` [s]
+    sample_t: Tensor  # (K,) times of `states`, `modes` and `held` [s]
     states: LoopState  # (K, ..., *event)
-    modes: Mode  # (K, ..., *event)
+    modes: Mode  # (K, ..., *event) of the controller
+    held: LoopMode = field(repr=False)  # (K, ..., *event) those with what sensor and clock hold
 
     @property
     def motion(self) -> Motion:

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, cast
 
 import torch
 from torch import Tensor
@@ -14,19 +14,18 @@ from torch import Tensor
 from ..checks import NONNEGATIVE, POSITIVE, choice, instance, maybe, named, sizes, text
 from ..constraints import DesignModule
 from ..functional import as_float64
-from ..metrics import peak_torque, srmse, torque_rate
+from ..metrics import input_rate, peak_input, srmse
 from ..simulation import ENGINES, ClosedLoop, Outcome, Scenario, Solver, Trajectory, rollout
 from ..trees import map_tensors
-from ..types import NetworkState
 from .judges import EVERYTHING, TOTALS, Judge, Recording, recording_of, worth
 
 
 class Score(NamedTuple):
-    """What a rollout is judged by, both joints together; NaN for a sample that diverged."""
+    """What a rollout is judged by, all outputs and inputs together; NaN where it diverged."""
 
-    srmse: Tensor  # (...,) root of the sum of squares over joints [rad]
-    rate: Tensor  # (...,) RMS torque rate, likewise [N m/s]
-    peak: Tensor  # (...,) largest |torque| of any joint since `effort_after` [N m]
+    srmse: Tensor  # (...,) root of the sum of squares over outputs
+    rate: Tensor  # (...,) RMS rate of the input, likewise [unit/s]
+    peak: Tensor  # (...,) largest |input| of all since `effort_after`
 
 
 @contextmanager
@@ -56,7 +55,7 @@ class Ensemble:
 
     loop: ClosedLoop
     scenario: Scenario
-    network: NetworkState
+    weights: Any  # initial adaptive weights, as the controller gives them; None: its own
     solver: Solver
     #: Constants that a member has of its own, (B, *event); what is tuned comes before them.
     own: Mapping[str, Tensor] = dataclasses.field(default_factory=dict)
@@ -67,7 +66,6 @@ class Ensemble:
     def __post_init__(self) -> None:
         instance("loop", self.loop, ClosedLoop)
         instance("scenario", self.scenario, Scenario)
-        instance("network", self.network, NetworkState)
         instance("solver", self.solver, Solver)
         named("own", self.own, Tensor)
         maybe("effort_after", self.effort_after, NONNEGATIVE)
@@ -75,7 +73,7 @@ class Ensemble:
         text("device", self.device)
 
     def __len__(self) -> int:
-        return len(self.network.b_v)
+        return int(self.scenario.batch_shape[0])
 
     def select(self, members: Sequence[int]) -> Ensemble:
         """Some of the members. Raises `KindError`."""
@@ -83,7 +81,7 @@ class Ensemble:
         return dataclasses.replace(
             self,
             scenario=self.scenario.select(chosen),
-            network=map_tensors(lambda leaf: leaf[chosen], self.network),
+            weights=map_tensors(lambda leaf: leaf[chosen], self.weights),
             own={name: value[chosen] for name, value in self.own.items()},
         )
 
@@ -107,17 +105,17 @@ class Ensemble:
         """Roll all members out; values (..., 1 or B, *event) give batch (..., B).
 
         `recording` says what is kept; what is not is refused (see `Recording`).
-        Gradients reach the controller's own parameters: set them free within `constants_at`.
+        Gradients reach the loop's own parameters: set them free within `constants_at`.
         """
         instance("recording", recording, Recording)
         named("values", values, Tensor)
         own = {name: value for name, value in self.own.items() if name not in values}
-        with constants_at(self.loop.controller, own):
+        with constants_at(self.loop, own):
             trajectory = rollout(
                 self.loop,
                 self.scenario,
                 self.solver,
-                network=self.network,
+                weights=self.weights,
                 motion_dt=self.scenario.end if recording.totals_only else recording.motion_dt,
                 sample_dt=recording.sample_dt,
                 sample_until=0.0 if recording.totals_only else recording.sample_until,
@@ -135,7 +133,7 @@ class Ensemble:
         self, values: Mapping[str, Tensor], progress: Callable[[int], object] | None = None
     ) -> Score:
         """Scores (..., B) under constants (..., 1 or B, *event), without gradients."""
-        with torch.no_grad(), constants_at(self.loop.controller, values):
+        with torch.no_grad(), constants_at(self.loop, values):
             return score(self.run(values, progress=progress, recording=TOTALS))
 
     def judged(
@@ -145,7 +143,7 @@ class Ensemble:
         progress: Callable[[int], object] | None = None,
     ) -> Tensor:
         """`judge` of the rollouts (..., B), without gradients."""
-        with torch.no_grad(), constants_at(self.loop.controller, values):
+        with torch.no_grad(), constants_at(self.loop, values):
             recording = recording_of(judge)
             return worth(judge, self.run(values, progress=progress, recording=recording))
 
@@ -161,9 +159,8 @@ class Ensemble:
         `values` are (B, *event): each member has its own, so that each has its own gradient. A
         constant that no gradient reaches gets zeros.
         """
-        controller = self.loop.controller
-        with torch.enable_grad(), constants_at(controller, values):
-            free = [controller.constant(name).requires_grad_(True) for name in values]
+        with torch.enable_grad(), constants_at(self.loop, values):
+            free = [self.loop.constant(name).requires_grad_(True) for name in values]
             run = self.run(values, gradient, temperature, recording=recording_of(judge))
             judged = worth(judge, run)
             if not judged.requires_grad:
@@ -175,9 +172,9 @@ class Ensemble:
 
 
 def score(trajectory: Outcome) -> Score:
-    """Both joints together."""
+    """All outputs, and all inputs, together."""
     return Score(
         srmse(trajectory).square().sum(dim=-1).sqrt(),
-        torque_rate(trajectory).square().sum(dim=-1).sqrt(),
-        peak_torque(trajectory).amax(dim=-1),
+        input_rate(trajectory).square().sum(dim=-1).sqrt(),
+        peak_input(trajectory).amax(dim=-1),
     )

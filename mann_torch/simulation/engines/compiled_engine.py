@@ -22,8 +22,8 @@ from ...compiled import (
 from ...compiled.march.agreement import check_agreement
 from ...compiled.trace.fingerprint import Fingerprint
 from ...errors import ConfigError
-from ...signals import Reference
-from ...trees import rebuilt
+from ...signals import Surroundings
+from ...trees import leaves, rebuilt
 from ...types import LoopState
 from ..closed_loop import ClosedLoop
 from ..scenario import Scenario
@@ -32,7 +32,7 @@ from ..step_grid import MERGE, shares_of
 from ..task import Effort, Record, Task
 from ..trajectory import Status
 from .loop_events import LoopEvents, counts_of
-from .loop_parts import loop_parts, reference_parts, single_reference
+from .loop_parts import loop_parts, single_surroundings, surrounding_parts
 from .loop_rows import Rows, coefficient_leaves, task_rows
 from .loop_step import LoopStep
 
@@ -65,14 +65,14 @@ def check_device(device: str) -> None:
 
 def traced(task: Task) -> tuple[LoopStep, Rows, Program]:
     """The task's step, what it takes, and its program. Raises `UntraceableError`."""
-    reference = single_reference(task)
-    loop_side, reference_side = loop_parts(task), reference_parts(task, reference)
+    outside = single_surroundings(task)
+    loop_side, outer_side = loop_parts(task), surrounding_parts(task, outside)
     coefficients, template = coefficient_leaves(task)
-    names = [part.name for part in loop_side], [part.name for part in reference_side]
+    names = [part.name for part in loop_side], [part.name for part in outer_side]
     kind = LoopEvents if task.hybrid else LoopStep
-    step = kind(task, reference, template, *names)
-    rows = task_rows(task, step, [*loop_side, *reference_side], coefficients)
-    return step, rows, _program(task, reference, step, rows)
+    step = kind(task, outside, template, *names)
+    rows = task_rows(task, step, [*loop_side, *outer_side], coefficients)
+    return step, rows, _program(task, outside, step, rows)
 
 
 def run(task: Task) -> Record:
@@ -113,13 +113,13 @@ def run(task: Task) -> Record:
     return _record(task, step, program, found)
 
 
-def _program(task: Task, reference: Reference, step: LoopStep, rows: Rows) -> Program:
+def _program(task: Task, outside: Surroundings, step: LoopStep, rows: Rows) -> Program:
     """The program of this step, made and compared with eager torch once a process."""
     one = [c[0].detach() for c in rows.constants]
     segment = [s[0, 0].detach() for s in rows.segments]
     layout = step.layout(one, segment)
     prints = Fingerprint()
-    parts = (task.loop, task.solver, reference)
+    parts = (task.loop, task.solver, outside)
     form = [type(x).__name__ for x in (task.state, task.mode, step)]
     key = (
         tuple(prints.of(part) for part in parts), layout, task.noise is None,
@@ -152,6 +152,8 @@ def _clock(task: Task) -> Tensor:
     if task.effort_after is not None:
         before = torch.cat([sizes.new_full((1,), torch.inf), sizes[:-1]])
         columns += [1.0 / before, (times[:-1] > task.effort_after + MERGE).double()]
+    if task.ticks is not None:
+        columns += [train.double() for train in task.ticks]
     return torch.stack(columns, dim=-1).contiguous()
 
 
@@ -195,7 +197,7 @@ def _stacked(segments: Sequence[Tensor], task: Task) -> Tensor:
 
 
 def _record(task: Task, step: LoopStep, program: Program, found: Marched) -> Record:
-    batch, n = task.batch, task.state.plant.q.shape[-1]
+    batch = task.batch
     failed = found.stop < task.grid.n_steps
     done = task.grid.n_steps if not bool(failed.all()) else int(found.stop.max()) + 1
     rows = sum(k <= done for k in task.motion_rows)
@@ -207,13 +209,16 @@ def _record(task: Task, step: LoopStep, program: Program, found: Marched) -> Rec
     mode_last = step.split(last)[2]
     kinds = torch.tensor([int(code) for code in _KINDS])
     leaf = torch.where(failed, found.cause // 10, -1).long().reshape(batch)
+    width = sum(x.shape[-1] for x in leaves(task.state.plant))
+    sums = motion[..., width:].split(step.sum_widths[: len(step.sum_widths) - step.measures], -1)
     return Record(
-        motion=motion[..., : 2 * n],
-        squared_error=motion[..., 2 * n : 3 * n],
-        effort=None if task.effort_after is None else Effort(*motion[..., 3 * n :].chunk(2, -1)),
+        motion=motion[..., :width],
+        squared_error=sums[0],
+        followed=None if task.loop.model is None else sums[1],
+        effort=Effort(*sums[-2:]) if step.measures else None,
         states=_tree(task.state, state),
-        modes=None if task.mode is None else rebuilt(task.mode, mode),
-        final_mode=None if task.mode is None else rebuilt(task.mode, mode_last),
+        modes=rebuilt(task.mode, mode),
+        final_mode=rebuilt(task.mode, mode_last),
         stopped=torch.where(failed, found.stop, -1).long().reshape(batch),
         kind=kinds[(found.cause % 10).long()].reshape(batch),
         leaf=leaf,

@@ -15,7 +15,7 @@ from ...types import LoopState, MemoryMode, Proximity
 from ..events.branches import Branches
 from ..events.steps import EventCounts, hybrid_step, jump
 from ..task import Task
-from .loop_step import LoopStep
+from .loop_step import Bound, LoopStep
 
 
 class Scene(NamedTuple):
@@ -25,7 +25,7 @@ class Scene(NamedTuple):
     y: Tensor
     mode: MemoryMode
     sums: list[Tensor]
-    horizon: Tensor
+    here: Bound
 
 
 class LoopEvents(LoopStep):
@@ -35,10 +35,10 @@ class LoopEvents(LoopStep):
 
     def __init__(self, task: Task, *arguments: Any) -> None:
         super().__init__(task, *arguments)
-        names = leaf_names(task.mode)
+        names = leaf_names(task.mode.controller)
         first = len(leaves(self._state)) + self.n_sums
         self.places = Places(*(first + names.index(n) for n in ("attended", "switches")))
-        self.n_branches = task.mode.active.shape[-1]
+        self.n_branches = task.mode.controller.active.shape[-1]
 
     def layout(self, constants: Sequence[Tensor], segments: Sequence[Tensor]) -> Layout:
         """Of constants and coefficients as one sample has them."""
@@ -54,14 +54,12 @@ class LoopEvents(LoopStep):
 
     @contextmanager
     def _scene(self, given: Arguments) -> Iterator[Scene]:
-        with self._bound(given.constants, given.segments, given.noise) as here:
+        bound = self._bound(given.clock, given.constants, given.segments, given.noise)
+        with bound as here:
             state, sums, mode = self.split(given.carry)
-            system = Branches(
-                self._loop, self._solver, self._packer, self._reference, here.coefficients,
-                here.noise, None,
-            )  # fmt: skip
+            system = Branches(self._loop, self._solver, self._packer, here.conditions, None)
             y = self._packer.pack(rebuilt(self._state, state))
-            yield Scene(system, y, rebuilt(self._mode, mode), sums, here.horizon)
+            yield Scene(system, y, rebuilt(self._mode.controller, mode), sums, here)
 
     def _moved(self, y: Tensor, given: Arguments) -> list[Tensor]:
         """Floating leaves of the carry, the state's new."""
@@ -94,9 +92,14 @@ class LoopEvents(LoopStep):
     def totals(self, given: Arguments, after: Sequence[Tensor]) -> list[Tensor]:
         """See `compiled.HybridStep`."""
         with self._scene(given) as s:
-            torque = s.system.torque(given.clock[0], s.y, s.mode) if self._effort else None
-            sums = self._summed(given.clock, s.sums, after[0], torque, s.horizon)
-        return [*after[:2], *sums, *after[2 + self.n_sums :]]
+            u = s.system.command(given.clock[0], s.y, s.mode) if self._effort else None
+            sums = self._summed(given.clock, s.sums, self._after(after), u, s.here)
+        first = self.n_plant
+        return [*after[:first], *sums, *after[first + self.n_sums :]]
+
+    def _after(self, moved: Sequence[Tensor]) -> LoopState:
+        """The state in a carry's floating leaves."""
+        return rebuilt(self._state, super().split(moved)[0])
 
     def __call__(
         self,
@@ -110,12 +113,12 @@ class LoopEvents(LoopStep):
         given = Arguments(*map(list, (clock, constants, segments, noise, carry)))
         t, h = clock[:2]
         with self._scene(given) as s:
-            torque = None
+            commanded = None
             if self._effort:
-                torque = s.system.torque(t, *jump(s.system, t, s.y, s.mode))
+                commanded = s.system.command(t, *jump(s.system, t, s.y, s.mode))
             y, mode, met = hybrid_step(s.system, t, h, s.y, s.mode)
             state: LoopState = self._packer.unpack(y)
-            sums = self._summed(clock, s.sums, state.plant.q, torque, s.horizon)
+            sums = self._summed(clock, s.sums, state, commanded, s.here)
         counts = carry[-2] + torch.stack(met)
         return [*self.join(leaves(state), sums, leaves(mode)), counts, carry[-1]]
 

@@ -1,4 +1,4 @@
-"""The tensors that a task's loop and reference hold: a row a sample, by name."""
+"""The tensors that a task's loop and signals hold: a row a sample, by name."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import torch
 from torch import Tensor, nn
 
 from ...constraints import DesignModule
-from ...signals import Reference
+from ...signals import Surroundings
 from ..task import Task
 
 
 @dataclass(frozen=True)
 class Part:
-    """A tensor of the loop or the reference by name, one row a sample of the flat batch."""
+    """A tensor of the loop or the signals by name, one row a sample of the flat batch."""
 
     name: str
     rows: Tensor  # (B, *event)
@@ -59,15 +59,16 @@ def loop_parts(task: Task) -> list[Part]:
     return [Part(n, as_rows(value, task.batch, dims[n])) for n, value in held.items()]
 
 
-def single_reference(task: Task) -> Reference:
-    """The reference as one sample has it, or, where samples differ, the batch's."""
-    given = task.scenario.reference
-    return task.reference if given.batch_shape else given.expand(())
+def single_surroundings(task: Task) -> Surroundings:
+    """The signals as one sample has them, or, where samples differ, the batch's."""
+    given = Surroundings(task.scenario.reference, task.scenario.disturbance)
+    return task.surroundings if given.batch_shape else given.expand(())
 
 
-def reference_parts(task: Task, single: Reference) -> list[Part]:
-    """All tensors that the reference holds: those that grow with the batch are a sample's own."""
-    batch, given = task.batch, task.scenario.reference
+def surrounding_parts(task: Task, single: Surroundings) -> list[Part]:
+    """All tensors that the signals hold: those that grow with the batch are a sample's own."""
+    batch = task.batch
+    given = Surroundings(task.scenario.reference, task.scenario.disturbance)
     held = held_tensors(single)
     if not given.batch_shape:
         return [Part(name, as_rows(value, batch, None)) for name, value in held.items()]

@@ -8,7 +8,9 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from ...trees import leaves, map_tensors
+from ...trees import leaves
+from ..conditions import Conditions
+from ..starting import coefficients_of
 from ..step_grid import counted_in, shares_of
 from ..task import Task
 from .loop_parts import Part, as_rows
@@ -31,9 +33,8 @@ def coefficient_leaves(task: Task) -> tuple[list[list[Tensor]], Any]:
     batch, lookups = task.batch, [part.lookup for part in task.grid.segments]
     found = []
     for lookup in lookups:
-        parameters = task.scenario.parameters_at(torch.tensor(lookup, dtype=torch.float64))
-        wide = map_tensors(lambda p: p.expand((*batch, p.shape[-1])), parameters)
-        found.append(task.loop.plant.coefficients(wide))
+        time = torch.tensor(lookup, dtype=torch.float64)
+        found.append(coefficients_of(task.loop, task.scenario, batch, time))
     members = [_members(c) for c in found]
     merged: list[list[Tensor]] = [[] for _ in found]
     places: list[bool] = []
@@ -73,14 +74,23 @@ def task_rows(
     ]
     state = [leaf.reshape((batch.numel(), *leaf.shape[depth:])) for leaf in leaves(task.state)]
     mode = [leaf.reshape((batch.numel(), *leaf.shape[depth:])) for leaf in leaves(task.mode)]
-    first = task.reference(torch.zeros((), dtype=torch.float64)).q - task.state.plant.q
-    count = counted_in(task.grid.times[:1], task.horizon)[0]
-    squared = (shares_of(task.grid.times)[0] * count).unsqueeze(-1) * first.square()
-    sums = [squared.reshape(len(state[0]), -1)]
-    if task.effort_after is not None:
-        sums += [torch.zeros_like(state[0])] * 3
-    carry = [*step.join(state, sums, mode), *step.extra(batch.numel())]
+    carry = [*step.join(state, _first_sums(task, step), mode), *step.extra(batch.numel())]
     return Rows(constants, columns, carry)
+
+
+def _first_sums(task: Task, step: LoopStep) -> list[Tensor]:
+    """What is summed up, at t = 0, (B, width) each."""
+    zero, count = torch.zeros((), dtype=torch.float64), task.batch.numel()
+    coefficients = coefficients_of(task.loop, task.scenario, task.batch, zero)
+    here = Conditions(task.surroundings, coefficients)
+    error, followed = task.loop.error(zero, task.state, here)
+    counted = counted_in(task.grid.times[:1], task.horizon)[0]
+    squared = (shares_of(task.grid.times)[0] * counted).unsqueeze(-1) * error.square()
+    sums = [squared.reshape(count, -1)]
+    if task.loop.model is not None:
+        sums.append(followed.reshape(count, -1))
+    rest = step.sum_widths[len(sums) :]
+    return sums + [torch.zeros(count, width, dtype=torch.float64) for width in rest]
 
 
 def _batched(leaf: Tensor, batch: torch.Size) -> Tensor:

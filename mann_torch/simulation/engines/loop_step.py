@@ -12,10 +12,10 @@ import torch
 from torch import Tensor
 
 from ...compiled import Layout, Leaf, Program, UntraceableError, frozen, with_tensors
-from ...plants.plant import Coefficients
-from ...signals import Reference, scaled
+from ...signals import Surroundings
 from ...trees import Packer, leaves, map_tensors, rebuilt
-from ...types import LoopState, Measurement, Mode
+from ...types import LoopMode, LoopState
+from ..conditions import Conditions, Ticks
 from ..solvers.flat_flow import flat_rates
 from ..step_grid import MERGE
 from ..task import Task
@@ -23,23 +23,23 @@ from .loop_parts import held_tensors
 from .stepping import advance
 
 #: Numbers of the clock: time, step, the next time and its share; with effort also one over the
-#: step before, and whether peaks count.
-CLOCK, EFFORT_CLOCK = 4, 2
+#: step before, and whether peaks count; with a clock or a sensor whether each of them ticks.
+CLOCK, EFFORT_CLOCK, TICKS = 4, 2, 2
 
 
 class Bound(NamedTuple):
-    """What a step reads besides its loop and its reference."""
+    """What a step reads besides its loop."""
 
-    coefficients: Coefficients
-    noise: Measurement | None
+    conditions: Conditions
     horizon: Tensor
 
 
 class LoopStep:
     """The step of a task: jump, flow, and what is summed up on the way.
 
-    Carry, in this order: q and qd, the integral of squared error, with effort the integral of
-    squared torque rates, the peaks and the last torque; the rest of the state; the mode.
+    Carry, in this order: the plant's state, the integral of squared error, what a reference model
+    gives, with effort the integral of squared input rates, the peaks and the last input; the rest
+    of the state; the mode.
     """
 
     #: What the compiler makes of it.
@@ -48,47 +48,57 @@ class LoopStep:
     def __init__(
         self,
         task: Task,
-        reference: Reference,
+        surroundings: Surroundings,
         coefficients: Any,
         loop_names: Sequence[str],
-        reference_names: Sequence[str],
+        outside_names: Sequence[str],
     ) -> None:
-        self._loop, self._reference, self._solver = task.loop, reference, task.solver
+        self._loop, self._outside, self._solver = task.loop, surroundings, task.solver
         depth = len(task.batch)
 
         def first(leaf: Tensor) -> Tensor:
             return leaf[(0,) * depth].detach()
 
         self._state: LoopState = map_tensors(first, task.state)
-        self._mode: Mode = map_tensors(first, task.mode)
+        self._mode: LoopMode = map_tensors(first, task.mode)
         self._coefficients = coefficients
-        self._loop_names, self._reference_names = loop_names, reference_names
-        self._effort, self._noise = task.effort_after is not None, task.noise is not None
+        self._loop_names, self._outside_names = loop_names, outside_names
+        self._effort, self._ticks = task.effort_after is not None, task.ticks is not None
+        self._noise = 0 if task.noise is None else task.noise.std.shape[-1]
         self._packer = Packer(self._state, 0)
-        self.n_sums = 4 if self._effort else 1
+        self.n_plant = len(leaves(self._state.plant))
+        self.sum_widths = [task.n_outputs] * (1 if task.loop.model is None else 2)
+        self.sum_widths += [task.n_inputs] * (3 if self._effort else 0)
+        self.n_sums = len(self.sum_widths)
 
     def freeze(self) -> Self:
-        """Keep to copies of loop, reference and solver: nobody else sees them traced or changed."""
-        self._loop, self._reference = frozen(self._loop), frozen(self._reference)
+        """Keep to copies of loop, signals and solver: nobody else sees them traced or changed."""
+        self._loop, self._outside = frozen(self._loop), frozen(self._outside)
         self._solver = copy.copy(self._solver)
         return self
 
     def layout(self, constants: Sequence[Tensor], segments: Sequence[Tensor]) -> Layout:
         """Of constants and coefficients as one sample has them."""
-        n = self._state.plant.q.shape[-1]
         state, mode = leaves(self._state), leaves(self._mode)
-        sums = self.n_sums
-        tensors = [*state[:2], *[state[0]] * sums, *state[2:], *mode]
-        rest = range(2 + sums, sums + len(state))
+        plant, sums = self.n_plant, self.n_sums
+        rows = [torch.zeros(width, dtype=torch.float64) for width in self.sum_widths]
+        tensors = [*state[:plant], *rows, *state[plant:], *mode]
+        recorded = [x.numel() for x in state[:plant]] + self.sum_widths
         return Layout(
-            clock=CLOCK + EFFORT_CLOCK * self._effort,
+            clock=CLOCK + EFFORT_CLOCK * self._effort + TICKS * self._ticks,
             constants=tuple(_leaf(c) for c in constants),
             segments=tuple(tuple(s.shape) for s in segments),
-            noise=((2 * n,),) if self._noise else (),
+            noise=((self._noise,),) if self._noise else (),
             carry=tuple(_leaf(x) for x in tensors),
-            n_motion=n * (5 if self._effort else 3),
-            watched=(0, 1, *rest),
+            # All but the last input, which only the next step reads.
+            n_motion=sum(recorded[: len(recorded) - self._effort]),
+            watched=(*range(plant), *range(plant + sums, sums + len(state))),
         )
+
+    @property
+    def measures(self) -> bool:
+        """Whether effort is summed up."""
+        return self._effort
 
     def form(self) -> tuple[Any, ...]:
         """Which members of state, mode and coefficients there are."""
@@ -96,9 +106,10 @@ class LoopStep:
 
     def split(self, carry: Sequence[Tensor]) -> tuple[list[Tensor], list[Tensor], list[Tensor]]:
         """State leaves, sums, and mode leaves."""
-        sums, count = self.n_sums, len(leaves(self._state))
-        state = [*carry[:2], *carry[2 + sums : sums + count]]
-        return state, list(carry[2 : 2 + sums]), list(carry[sums + count :])
+        first, count = self.n_plant, len(leaves(self._state))
+        last = first + self.n_sums
+        end = self.n_sums + count
+        return [*carry[:first], *carry[last:end]], list(carry[first:last]), list(carry[end:])
 
     def extra(self, count: int) -> list[Tensor]:
         """What else the carry holds at the start, (count, *event) each."""
@@ -108,7 +119,7 @@ class LoopStep:
         self, state: Sequence[Tensor], sums: Sequence[Tensor], mode: Sequence[Tensor]
     ) -> list[Tensor]:
         """The inverse of `split`."""
-        return [*state[:2], *sums, *state[2:], *mode]
+        return [*state[: self.n_plant], *sums, *state[self.n_plant :], *mode]
 
     def __call__(
         self,
@@ -119,32 +130,38 @@ class LoopStep:
         carry: Sequence[Tensor],
     ) -> list[Tensor]:
         """The next carry."""
-        with self._bound(constants, segments, noise) as here:
+        with self._bound(clock, constants, segments, noise) as here:
             state, sums, mode_leaves = self.split(carry)
             rates = partial(flat_rates, self._loop, self._packer)
-            y, mode, torque = advance(
+            y, mode, commanded = advance(
                 self._loop, self._solver, self._packer, rates, self._effort, clock[0], clock[1],
                 self._packer.pack(rebuilt(self._state, state)), rebuilt(self._mode, mode_leaves),
-                self._reference, here.coefficients, here.noise,
+                here.conditions,
             )  # fmt: skip
             after = self._packer.unpack(y)
-            found = self._summed(clock, sums, after.plant.q, torque, here.horizon)
+            found = self._summed(clock, sums, after, commanded, here)
         return self.join(leaves(after), found, leaves(mode))
 
     @contextmanager
     def _bound(
-        self, constants: Sequence[Tensor], segments: Sequence[Tensor], noise: Sequence[Tensor]
+        self,
+        clock: Sequence[Tensor],
+        constants: Sequence[Tensor],
+        segments: Sequence[Tensor],
+        noise: Sequence[Tensor],
     ) -> Iterator[Bound]:
-        """Let loop and reference hold these tensors."""
+        """Let loop and signals hold these tensors."""
         count = len(self._loop_names)
-        last = count + len(self._reference_names)
+        last = count + len(self._outside_names)
         own = dict(zip(self._loop_names, constants[:count], strict=True))
-        signal = dict(zip(self._reference_names, constants[count:last], strict=True))
-        measured = scaled(noise[0], constants[last + 1]) if self._noise else None
+        signal = dict(zip(self._outside_names, constants[count:last], strict=True))
+        measured = noise[0] * constants[last + 1] if self._noise else None
+        ticks = Ticks(*(x > 0.5 for x in clock[-TICKS:])) if self._ticks else None
         coefficients = rebuilt(self._coefficients, segments)
-        with with_tensors(self._loop, own), with_tensors(self._reference, signal):
-            yield Bound(coefficients, measured, constants[last])
-            for module, given in ((self._loop, own), (self._reference, signal)):
+        here = Conditions(self._outside, coefficients, measured, ticks)
+        with with_tensors(self._loop, own), with_tensors(self._outside, signal):
+            yield Bound(here, constants[last])
+            for module, given in ((self._loop, own), (self._outside, signal)):
                 held = held_tensors(module)
                 for name, tensor in given.items():
                     if held.get(name) is not tensor:
@@ -154,32 +171,34 @@ class LoopStep:
         self,
         clock: Sequence[Tensor],
         sums: Sequence[Tensor],
-        q: Tensor,
-        torque: Tensor | None,
-        horizon: Tensor,
+        state: LoopState,
+        commanded: Tensor | None,
+        here: Bound,
     ) -> list[Tensor]:
-        """The sums at a step's end, from the joints there and the torque at its start."""
+        """The sums at a step's end, from the state there and the input at its start."""
         t, h, t_next, share = clock[:CLOCK]
         # t + h is where the solver's last stage was: its reference is not computed twice.
-        error = self._reference(t + h).q - q
-        counted = t_next <= horizon + MERGE
+        error, followed = self._loop.error(t + h, state, here.conditions)
+        counted = t_next <= here.horizon + MERGE
         found = [sums[0] + torch.where(counted, share, 0.0) * error.square()]
-        if torque is not None:
-            found += _effort(sums[1:], torque, counted, clock[CLOCK:])
+        if self._loop.model is not None:
+            found.append(followed)
+        if commanded is not None:
+            found += _effort(sums[-3:], commanded, counted, clock[CLOCK : CLOCK + EFFORT_CLOCK])
         return found
 
 
 def _effort(
-    sums: Sequence[Tensor], torque: Tensor, counted: Tensor, clock: Sequence[Tensor]
+    sums: Sequence[Tensor], u: Tensor, counted: Tensor, clock: Sequence[Tensor]
 ) -> list[Tensor]:
-    """Squared rates, peaks, and the torque itself: see `task.Effort`."""
+    """Squared rates, peaks, and the input itself: see `task.Effort`."""
     rate, peak, before = sums
     per_step, late = clock
-    change = (torque - before).square()
+    change = (u - before).square()
     rate = rate + torch.where(counted, per_step, 0.0) * change
-    size = torque.abs()
+    size = u.abs()
     higher = counted & (late > 0.5) & (size > peak)
-    return [rate, torch.where(higher, size, peak), torque]
+    return [rate, torch.where(higher, size, peak), u]
 
 
 def _leaf(x: Tensor) -> Leaf:

@@ -10,13 +10,14 @@ import torch
 from torch import Tensor
 
 from ...functional import pick
-from ...plants.plant import Coefficients
-from ...signals import Reference
-from ...trees import Packer, map_tensors
-from ...types import LoopState, Measurement, Mode
+from ...trees import Packer, leaves, map_tensors
+from ...types import LoopMode, LoopState
 from ..closed_loop import ClosedLoop
+from ..conditions import Conditions
 from ..events.branches import Branches
-from ..events.steps import EventCounts, hybrid_step, jump
+from ..events.steps import EventCounts, hybrid_step
+from ..events.steps import jump as jump_at_events
+from ..jumping import jump
 from ..solvers.compiling import CompiledOrEager
 from ..solvers.flat_flow import FlatFlow, flat_rates
 from ..solvers.solver import Solver
@@ -26,9 +27,9 @@ class Carry(NamedTuple):
     """What passes from step to step."""
 
     y: Tensor  # (..., M)
-    mode: Mode
+    mode: LoopMode
     alive: Tensor  # (...,) bool
-    torque: Tensor | None = None  # (..., n) at the step's start, where effort is measured
+    input: Tensor | None = None  # (..., m) commanded at the step's start, for effort
     events: EventCounts | None = None  # so far; None in plain steps
 
 
@@ -41,26 +42,23 @@ def advance(
     t: Tensor,
     h: Tensor,
     y: Tensor,
-    mode: Mode,
-    reference: Reference,
-    coefficients: Coefficients,
-    noise: Measurement | None = None,
+    mode: LoopMode,
+    here: Conditions,
     moving: Tensor | None = None,
-) -> tuple[Tensor, Mode, Tensor | None]:
+) -> tuple[Tensor, LoopMode, Tensor | None]:
     """Jump and flow: the step that every engine takes.
 
-    State (..., M) and mode after it, and with `effort` the torque (..., n) at its start [N m].
+    State (..., M) and mode after it, and with `effort` the input (..., m) commanded at its start.
     `rates` are `flat_rates` of the loop.
     """
-    if mode is not None:
-        state, mode = loop.jump(t, packer.unpack(y), mode, reference, noise)
-        if loop.controller.reallocates:
+    if leaves(mode):
+        state, mode = jump(loop, t, packer.unpack(y), mode, here)
+        if loop.jumps_state:
             y = packer.pack(state)
-    torque = None
+    commanded = None
     if effort:
-        torque = loop.observe(t, packer.unpack(y), mode, reference, noise).torque
-    flow = FlatFlow(rates, (mode, reference, coefficients, noise), moving)
-    return solver.step(flow, t, h, y), mode, torque
+        commanded = loop.commanded(t, packer.unpack(y), mode, here)
+    return solver.step(FlatFlow(rates, mode, here, moving), t, h, y), mode, commanded
 
 
 class Stepper:
@@ -75,7 +73,7 @@ class Stepper:
         effort: bool = False,
         hybrid: bool = False,
     ) -> None:
-        self._loop, self._solver, self._packer, self._limit = loop, solver, packer, limit
+        self._loop, self._solver, self.packer, self._limit = loop, solver, packer, limit
         self._effort = effort
         self._rates: Callable[..., Any] = partial(flat_rates, loop, packer)
         self._call: Callable[..., Carry] = self._advance
@@ -93,63 +91,35 @@ class Stepper:
         return "eager" if self._compiled is None else self._compiled.engine
 
     def __call__(
-        self,
-        t: Tensor,
-        h: Tensor,
-        carry: Carry,
-        reference: Reference,
-        coefficients: Coefficients,
-        noise: Measurement | None = None,
-        moving: Tensor | None = None,
+        self, t: Tensor, h: Tensor, carry: Carry, here: Conditions, moving: Tensor | None = None
     ) -> Carry:
-        return self._call(t, h, carry, reference, coefficients, noise, moving)
+        return self._call(t, h, carry, here, moving)
 
     def _advance(
-        self,
-        t: Tensor,
-        h: Tensor,
-        carry: Carry,
-        reference: Reference,
-        coefficients: Coefficients,
-        noise: Measurement | None,
-        moving: Tensor | None,
+        self, t: Tensor, h: Tensor, carry: Carry, here: Conditions, moving: Tensor | None
     ) -> Carry:
-        y, mode, torque = advance(
-            self._loop, self._solver, self._packer, self._rates, self._effort,
-            t, h, carry.y, carry.mode, reference, coefficients, noise, moving,
+        y, mode, commanded = advance(
+            self._loop, self._solver, self.packer, self._rates, self._effort,
+            t, h, carry.y, carry.mode, here, moving,
         )  # fmt: skip
         # NaN compares as False, so that this catches it too.
-        return Carry(y, mode, y.abs().amax(dim=-1) < self._limit, torque)
+        return Carry(y, mode, y.abs().amax(dim=-1) < self._limit, commanded)
 
     def _advance_through_events(
-        self,
-        t: Tensor,
-        h: Tensor,
-        carry: Carry,
-        reference: Reference,
-        coefficients: Coefficients,
-        noise: Measurement | None,
-        moving: Tensor | None,
+        self, t: Tensor, h: Tensor, carry: Carry, here: Conditions, moving: Tensor | None
     ) -> Carry:
-        system = Branches(
-            self._loop, self._solver, self._packer, reference.aligned, coefficients, noise, moving
-        )
-        torque = None
+        aligned = here._replace(signals=here.signals.aligned)  # type: ignore[attr-defined]
+        system = Branches(self._loop, self._solver, self.packer, aligned, moving)
+        commanded, inner = None, carry.mode.controller
         if self._effort:
-            torque = system.torque(t, *jump(system, t, carry.y, carry.mode))
-        y, mode, met = hybrid_step(system, t, h, carry.y, carry.mode)
+            commanded = system.command(t, *jump_at_events(system, t, carry.y, inner))
+        y, inner, met = hybrid_step(system, t, h, carry.y, inner)
         events = map_tensors(torch.add, carry.events, met)
-        return Carry(y, mode, y.abs().amax(dim=-1) < self._limit, torque, events)
+        alive = y.abs().amax(dim=-1) < self._limit
+        return Carry(y, LoopMode(inner), alive, commanded, events)
 
     def without_dead(
-        self,
-        t: Tensor,
-        h: Tensor,
-        carry: Carry,
-        safe: Tensor,
-        reference: Reference,
-        coefficients: Coefficients,
-        noise: Measurement | None = None,
+        self, t: Tensor, h: Tensor, carry: Carry, safe: Tensor, here: Conditions
     ) -> tuple[Carry, Tensor]:
         """The step again with the samples that are or fall dead held at their last state.
 
@@ -162,7 +132,7 @@ class Stepper:
         alive, fallen = carry.alive, safe
         while True:
             y = torch.where(alive.unsqueeze(-1), carry.y, safe)
-            after = self(t, h, carry._replace(y=y), reference, coefficients, noise, alive)
+            after = self(t, h, carry._replace(y=y), here, alive)
             still = alive & after.alive
             fallen = torch.where((alive & ~still).unsqueeze(-1), after.y.detach(), fallen)
             if bool((still == alive).all()):
@@ -171,4 +141,4 @@ class Stepper:
         y = torch.where(alive.unsqueeze(-1), after.y, carry.y)
         mode = map_tensors(lambda new, old: pick(alive, new, old), after.mode, carry.mode)
         events = map_tensors(lambda new, old: pick(alive, new, old), after.events, carry.events)
-        return Carry(y, mode, alive, after.torque, events), fallen
+        return Carry(y, mode, alive, after.input, events), fallen

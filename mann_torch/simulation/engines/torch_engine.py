@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from ...compiled import transformed
-from ...plants.plant import Coefficients
 from ...trees import Packer, map_tensors
 from ...types import LoopState
+from ..conditions import Conditions
 from ..events.steps import no_events
+from ..outputs import outputs_of
+from ..starting import coefficients_of
 from ..step_grid import MERGE, counted_in, shares_of
 from ..task import Effort, Record, Task
 from ..trajectory import Status
 from .stepping import Carry, Stepper
-from .torch_block import Block, Front, Snapshot, joined, trail_of, twin
+from .torch_block import Block, Front, Snapshot, Trail, joined, plant_width, trail_of, twin
 
 #: Steps that are computed again at a time, where not all fit on the tape.
 BLOCK = 20
@@ -31,7 +34,7 @@ def run(task: Task, reason: str) -> Record:
     alone, and the backward pass computes each block again.
     """
     batch = task.batch
-    n = task.state.plant.q.shape[-1]
+    width = plant_width(task)
     packer = Packer(task.state, len(batch))
     y = packer.pack(task.state)
     measured = task.effort_after is not None
@@ -39,7 +42,8 @@ def run(task: Task, reason: str) -> Record:
     events = no_events(batch) if task.hybrid else None
     carry = Carry(y, task.mode, torch.ones(batch, dtype=torch.bool), events=events)
     front = Front(carry, torch.full(batch, -1), torch.zeros_like(y, requires_grad=False))
-    trails = [trail_of([y[..., : 2 * n]], [carry] if 0 in task.state_rows else [], [])]
+    began = _at_start(task)
+    trails = [trail_of([y[..., :width]], began, [carry] if 0 in task.state_rows else [], [])]
     long, before = _is_long(task, y), Snapshot(task)
     again: tuple[Task, Stepper] | None = None
     for first, last, coefficients in _blocks(task):
@@ -58,17 +62,17 @@ def run(task: Task, reason: str) -> Record:
             task.progress(len(found.trail.motion))
         if not bool(front.carry.alive.any()):
             break
-    motion, states, modes, torques = joined(trails)
-    stopped = front.stopped
-    rows = [k for k in task.motion_rows if k < len(motion)]
-    squared = _squared_error(task, motion[..., :n], stopped)
+    trail, stopped = joined(trails), front.stopped
+    rows = [k for k in task.motion_rows if k < len(trail.motion)]
+    squared = _squared_error(task, trail, stopped)
     kind, leaf = _causes(packer, front.fallen, stopped, task.limit)
     return Record(
-        motion=motion[rows],
+        motion=trail.motion[rows],
         squared_error=squared[rows],
-        effort=map_tensors(lambda sums: sums[rows], _effort(task, torques, stopped)),
-        states=packer.unpack(states),
-        modes=modes,
+        followed=None if trail.followed is None else trail.followed[rows],
+        effort=map_tensors(lambda sums: sums[rows], _effort(task, trail.inputs, stopped)),
+        states=packer.unpack(trail.states),
+        modes=trail.modes,
         final_mode=front.carry.mode,
         events=front.carry.events,
         stopped=stopped,
@@ -79,11 +83,20 @@ def run(task: Task, reason: str) -> Record:
     )
 
 
-def _blocks(task: Task) -> Iterator[tuple[int, int, Coefficients]]:
+def _at_start(task: Task) -> list[Tensor]:
+    """What a reference model gives at t = 0, if there is one."""
+    if task.loop.model is None:
+        return []
+    zero = torch.zeros((), dtype=torch.float64)
+    coefficients = coefficients_of(task.loop, task.scenario, task.batch, zero)
+    return [task.loop.error(zero, task.state, Conditions(task.surroundings, coefficients))[1]]
+
+
+def _blocks(task: Task) -> Iterator[tuple[int, int, Any]]:
     """First and last step of each block, and the plant's coefficients in it."""
     for segment in task.grid.segments:
         lookup = torch.tensor(segment.lookup, dtype=torch.float64)
-        coefficients = task.loop.plant.coefficients(task.scenario.parameters_at(lookup))
+        coefficients = coefficients_of(task.loop, task.scenario, task.batch, lookup)
         for first in range(segment.first, segment.last, BLOCK):
             yield first, min(first + BLOCK, segment.last), coefficients
 
@@ -96,31 +109,35 @@ def _is_long(task: Task, y: Tensor) -> bool:
     return task.grid.n_steps * (NODES + EACH * y.numel()) > task.tape_memory
 
 
-def _squared_error(task: Task, q: Tensor, stopped: Tensor) -> Tensor:
+def _squared_error(task: Task, trail: Trail, stopped: Tensor) -> Tensor:
     """Running sum of e^2 times its share of time, up to each sample's horizon or failure."""
-    index = torch.arange(len(q)).reshape(-1, *(1,) * len(task.batch))
-    counted = counted_in(task.grid.times, task.horizon)[: len(q)] & (
+    count, times = len(trail.motion), task.grid.times[: len(trail.motion)]
+    index = torch.arange(count).reshape(-1, *(1,) * len(task.batch))
+    counted = counted_in(task.grid.times, task.horizon)[:count] & (
         (stopped < 0) | (index <= stopped)
     )
-    share = shares_of(task.grid.times)[: len(q)].reshape(index.shape) * counted
-    error = task.reference(task.grid.times[: len(q)]).q - q
+    share = shares_of(task.grid.times)[:count].reshape(index.shape) * counted
+    wanted = trail.followed
+    if wanted is None:
+        wanted = task.surroundings(times).reference.value
+    error = wanted - outputs_of(task, times, trail.motion)
     return (share.unsqueeze(-1) * error.square()).cumsum(dim=0)
 
 
-def _effort(task: Task, torque: Tensor | None, stopped: Tensor) -> Effort | None:
+def _effort(task: Task, inputs: Tensor | None, stopped: Tensor) -> Effort | None:
     """Running effort of steps within each sample's horizon, up to its failure."""
-    if task.effort_after is None or torque is None:
+    if task.effort_after is None or inputs is None:
         return None
-    times = task.grid.times[: len(torque) + 1]
+    times = task.grid.times[: len(inputs) + 1]
     column = (-1, *(1,) * len(task.batch))
-    index = torch.arange(len(torque)).reshape(column)
+    index = torch.arange(len(inputs)).reshape(column)
     counted = counted_in(times[1:], task.horizon) & ((stopped < 0) | (index < stopped))
-    change = torch.cat([torch.zeros_like(torque[:1]), torque.diff(dim=0)])
-    sizes = torch.cat([torch.ones(1, dtype=torque.dtype), times[:-1].diff()])
+    change = torch.cat([torch.zeros_like(inputs[:1]), inputs.diff(dim=0)])
+    sizes = torch.cat([torch.ones(1, dtype=inputs.dtype), times[:-1].diff()])
     weight = torch.where(counted, 1.0 / sizes.reshape(column), 0.0).unsqueeze(-1)
     rate = (weight * change.square()).cumsum(dim=0)
     late = counted & (times[:-1] > task.effort_after + MERGE).reshape(column)
-    peak = torch.where(late.unsqueeze(-1), torque.abs(), 0.0).cummax(dim=0).values
+    peak = torch.where(late.unsqueeze(-1), inputs.abs(), 0.0).cummax(dim=0).values
     nothing = torch.zeros_like(rate[:1])
     return Effort(torch.cat([nothing, rate]), torch.cat([nothing, peak]))
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 
-import torch
 from torch import Tensor
 
 from ...functional import one_hot
-from ...plants.plant import Coefficients
-from ...signals import Sampler
 from ...trees import Packer
-from ...types import LoopState, Measurement, MemoryMode, Proximity
+from ...types import LoopMode, LoopState, MemoryMode, Proximity
 from ..closed_loop import ClosedLoop
+from ..conditions import Conditions
 from ..solvers.flat_flow import FlatFlow, flat_rates
 from ..solvers.solver import Solver
 
@@ -25,32 +23,29 @@ class Branches:
     loop: ClosedLoop
     solver: Solver
     packer: Packer[LoopState]
-    reference: Sampler
-    coefficients: Coefficients
-    noise: Measurement | None  # on what is measured in this step
+    here: Conditions
     moving: Tensor | None  # (...,) bool; the others stand still
 
     def flow(self, t: Tensor, h: Tensor, y: Tensor, weights: Tensor, mode: MemoryMode) -> Tensor:
         """One solver step of length h (...,) [s] with the slots' weights (..., S) held."""
-        frozen = (mode._replace(held=weights), self.reference, self.coefficients, self.noise)
-        flow = FlatFlow(partial(flat_rates, self.loop, self.packer), frozen, self.moving)
-        return self.solver.step(flow, t, h, y)
+        rates = partial(flat_rates, self.loop, self.packer)
+        held = LoopMode(mode._replace(held=weights))
+        return self.solver.step(FlatFlow(rates, held, self.here, self.moving), t, h, y)
 
     def proximity(self, t: Tensor, y: Tensor, mode: MemoryMode) -> Proximity:
         """What decides the next event."""
-        return self.loop.proximity(t, self.packer.unpack(y), mode, self.reference, self.noise)
+        return self.loop.proximity(t, self.packer.unpack(y), LoopMode(mode), self.here)
 
     def reset(
         self, t: Tensor, y: Tensor, mode: MemoryMode, due: Tensor
     ) -> tuple[Tensor, MemoryMode]:
         """The slot that attention gives up is written anew, in the samples `due`."""
         before = self.packer.unpack(y)
-        state, mode = self.loop.reallocate(t, before, mode, self.reference, due, self.noise)
-        return self.packer.pack(state), mode
+        state, after = self.loop.reallocate(t, before, LoopMode(mode), self.here, due)
+        return self.packer.pack(state), after.controller
 
-    def torque(self, t: Tensor, y: Tensor, mode: MemoryMode) -> Tensor:
-        """Torque (..., n) [N m] under the attended branch alone."""
-        held = one_hot(mode.attended, mode.active.shape[-1]).to(torch.float64)
-        mode = mode._replace(held=held)
-        state = self.packer.unpack(y)
-        return self.loop.observe(t, state, mode, self.reference, self.noise).torque
+    def command(self, t: Tensor, y: Tensor, mode: MemoryMode) -> Tensor:
+        """Input (..., m) under the attended branch alone."""
+        held = one_hot(mode.attended, mode.active.shape[-1]).to(y.dtype)
+        branch = LoopMode(mode._replace(held=held))
+        return self.loop.commanded(t, self.packer.unpack(y), branch, self.here)

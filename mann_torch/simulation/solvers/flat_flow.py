@@ -9,11 +9,11 @@ import torch
 from torch import Tensor
 
 from ...functional import pick
-from ...plants.plant import Coefficients
-from ...signals import Sampler
+from ...stiff import StiffBlock
 from ...trees import Packer, map_tensors
-from ...types import Linearization, LoopState, Measurement, Mode
+from ...types import LoopMode, LoopState
 from ..closed_loop import ClosedLoop
+from ..conditions import Conditions
 
 
 def flat_rates(
@@ -21,31 +21,34 @@ def flat_rates(
     packer: Packer[LoopState],
     t: Tensor,
     y: Tensor,
-    mode: Mode,
-    reference: Sampler,
-    coefficients: Coefficients,
-    noise: Measurement | None,
+    mode: LoopMode,
+    here: Conditions,
     linearize: bool,
-) -> tuple[Tensor, Linearization | None]:
+) -> tuple[Tensor, StiffBlock | None]:
     """dy/dt (..., M), and the stiff block if asked for."""
-    state = packer.unpack(y)
-    rate, block = loop.flow(t, state, mode, reference, coefficients, linearize, noise)
+    rate, block = loop.flow(t, packer.unpack(y), mode, here, linearize)
     return packer.pack(rate), block
 
 
 class FlatFlow:
-    """The loop's vector field on flat states, with mode and coefficients frozen.
+    """The loop's vector field on flat states, with mode and conditions frozen.
 
     Rows outside `moving` (...,), all if None, stand still.
     """
 
-    def __init__(self, rates: Callable[..., Any], frozen: Any, moving: Tensor | None) -> None:
-        self._rates, self._frozen, self._moving = rates, frozen, moving
+    def __init__(
+        self,
+        rates: Callable[..., Any],
+        mode: LoopMode,
+        here: Conditions,
+        moving: Tensor | None,
+    ) -> None:
+        self._rates, self._frozen, self._moving = rates, (mode, here), moving
 
     def __call__(self, t: Tensor, y: Tensor) -> Tensor:
         return self._hold(self._rates(t, y, *self._frozen, False)[0])
 
-    def linearized(self, t: Tensor, y: Tensor) -> tuple[Tensor, Linearization]:
+    def linearized(self, t: Tensor, y: Tensor) -> tuple[Tensor, StiffBlock | None]:
         rate, block = self._rates(t, y, *self._frozen, True)
         return self._hold(rate), map_tensors(self._hold, block)
 

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import math
 
-import torch
 from torch import Tensor
 
 from ...checks import flag
-from ...functional import solve_small, times_column
-from ...types import Linearization
 from .solver import Flow, Solver
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
@@ -19,9 +16,10 @@ class Implicit(Solver):
     """ROS2 as a W-method: two stages, order 2 with any matrix A and vector T, L-stable.
 
     k1 = (I - g h A)^-1 (F(t, y) + g h T), k2 = (I - g h A)^-1 (F(t + h, y + h k1) - 2 k1 - g h T),
-    y+ = y + 3/2 h k1 + 1/2 h k2, with g = 1 - 1/sqrt 2. A is the plant's stiff block
-    [[0, I], [-K, -P]] alone, so that each solve is n x n, and T what the reference's motion does to
-    it. Verwer et al., SIAM J. Sci. Comput. 20 (1999). No Newton iteration, no Jacobian by autodiff.
+    y+ = y + 3/2 h k1 + 1/2 h k2, with g = 1 - 1/sqrt 2. A is the plant's stiff block alone (see
+    `mann_torch.stiff`: of a mechanical plant [[0, I], [-K, -P]], so that each solve is n x n), and
+    T what the reference's motion does to it; without a block it is Heun's method. Verwer et al.,
+    SIAM J. Sci. Comput. 20 (1999). No Newton iteration, no Jacobian by autodiff.
 
     T counts with `follow_reference`: a stiff loop's velocities then have order 2, and scenario 1 at
     5 ms is off by 1e-5 rad. Without, as in the golden simulator, T = 0: their order is 1, and the
@@ -47,26 +45,8 @@ class Implicit(Solver):
         """One step (..., M) -> (..., M); t and h are () or, a sample at its own, (...,) [s]."""
         rate, block = flow.linearized(t, y)
         t_1, h = t + h, h.unsqueeze(-1)
-        gh = GAMMA * h
-        push = gh * block.drift if self.follow_reference else None
-        k_1 = _damped(rate, block, gh, push)
-        rate_2 = flow(t_1, y + h * k_1)
-        k_2 = _damped(rate_2 - 2.0 * k_1, block, gh, None if push is None else -push)
+        gh, sign = GAMMA * h, 1.0 if self.follow_reference else 0.0
+        k_1 = rate if block is None else block.damped(rate, gh, sign)
+        right = flow(t_1, y + h * k_1) - 2.0 * k_1
+        k_2 = right if block is None else block.damped(right, gh, -sign)
         return y + h * (1.5 * k_1 + 0.5 * k_2)
-
-
-def _damped(rate: Tensor, block: Linearization, gh: Tensor, push: Tensor | None) -> Tensor:
-    """(I - g h A)^-1 (rate + push on the velocities).
-
-    (I + gh P + gh^2 K) k_v = f_v + push - gh K f_q; k_q = f_q + gh k_v.
-    """
-    n = block.damping.shape[-1]
-    f_q, f_v, rest = rate[..., :n], rate[..., n : 2 * n], rate[..., 2 * n :]
-    eye = torch.eye(n, dtype=rate.dtype, device=rate.device)
-    wide = gh.unsqueeze(-1)
-    matrix = eye + wide * (block.damping + wide * block.stiffness)
-    right = f_v - gh * times_column(block.stiffness, f_q)
-    if push is not None:
-        right = right + push
-    k_v = solve_small(matrix, right.unsqueeze(-1)).squeeze(-1)
-    return torch.cat([f_q + gh * k_v, k_v, rest], dim=-1)

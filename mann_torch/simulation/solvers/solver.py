@@ -8,17 +8,17 @@ from typing import Protocol
 from torch import Tensor
 
 from ...checks import POSITIVE, flag, number
-from ...types import Linearization
+from ...stiff import StiffBlock
 
 
 class Flow(Protocol):
-    """The vector field of a loop on flat states y (..., M); the first 2n entries are q and qd."""
+    """The vector field of a loop on flat states y (..., M), which begin with the plant's."""
 
     def __call__(self, t: Tensor, y: Tensor) -> Tensor:
         """dy/dt (..., M)."""
 
-    def linearized(self, t: Tensor, y: Tensor) -> tuple[Tensor, Linearization]:
-        """dy/dt (..., M) and the stiff block of the plant's velocities."""
+    def linearized(self, t: Tensor, y: Tensor) -> tuple[Tensor, StiffBlock | None]:
+        """dy/dt (..., M) and the stiff block of the plant's state, None where nothing is stiff."""
 
 
 class Solver(ABC):

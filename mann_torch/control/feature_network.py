@@ -1,0 +1,76 @@
+"""The interface of adaptive networks: features of an input, and outer weights on them."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ..constraints import DesignModule
+from ..interface import Interface
+from ..types import Features
+
+
+class FeatureNetwork(Interface, DesignModule):
+    """f^ = W' sigma(x~) + ... with adaptive weights, as `MannController` uses any of them.
+
+    Weights are a NamedTuple of the network's own, state that its update law moves; sigma are
+    `n_hidden` numbers of `n_inputs`.
+    """
+
+    n_inputs: int
+    n_hidden: int
+    n_outputs: int
+
+    @abstractmethod
+    def initial_state(
+        self, batch_shape: Sequence[int], generator: torch.Generator | None = None
+    ) -> Any:
+        """Weights at t = 0 for a batch: random from the generator, or what is stored."""
+
+    @abstractmethod
+    def check_state(self, state: Any) -> torch.Size:
+        """Batch shape of weights. Raises a `ConfigError` where they do not fit."""
+
+    @abstractmethod
+    def expand(self, state: Any, batch_shape: Sequence[int]) -> Any:
+        """Weights of a whole batch."""
+
+    @abstractmethod
+    def features(self, nn_input: Tensor, state: Any) -> Features:
+        """Features sigma (..., N) at x~ (..., I), and what else the update law reads of them."""
+
+    def first_features(self, nn_input: Tensor, state: Any) -> Tensor:
+        """sigma (..., N) at t = 0, that a memory starts from: in any batch the same bits."""
+        return self.features(nn_input, state).hidden
+
+    @abstractmethod
+    def output(self, hidden: Tensor, state: Any) -> Tensor:
+        """W' hidden + ... (..., m)."""
+
+    @abstractmethod
+    def correction(self, feedback: Tensor, state: Any) -> Tensor:
+        """W r (..., N) of an error feedback r (..., m): what a memory is written with."""
+
+    @abstractmethod
+    def magnitude(self, state: Any) -> Tensor:
+        """Sum of the weights' Frobenius norms (...,), for the robustifying gain."""
+
+    @abstractmethod
+    def derivative(
+        self,
+        nn_input: Tensor,
+        features: Features,
+        feedback: Tensor,
+        correction: Tensor,
+        error_norm: Tensor,
+        state: Any,
+    ) -> Any:
+        """Update law for error feedback r (..., m), W r (..., N) and |e| (...,)."""
+
+    def input_slope(self, features: Features, state: Any, first: int, n: int) -> Tensor | None:
+        """d(W' sigma)/d x~ over n inputs from number `first` (..., m, n); None: not solved for."""
+        return None

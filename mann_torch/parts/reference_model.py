@@ -1,0 +1,156 @@
+"""Reference models: parts with a state that turn a command into what the plant is to follow."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import torch
+from torch import Tensor
+
+from ..checks import whole
+from ..constraints import DesignModule, FiniteRow, PositiveRow
+from ..errors import ShapeError
+from ..functional import Numbers, as_float64, times_column
+from ..interface import Interface
+from ..types import ReferenceSample
+
+
+class ReferenceModel(Interface, DesignModule):
+    """Interface of every reference model. Its contract:
+
+    1. Its state is a tensor (..., d); it flows with the loop.
+    2. `rates` may depend on the plant's output: a closed-loop reference model.
+    3. `sample` is what the controller follows: the model's output, with `order` derivatives, and
+       the command beside it. The tracking error is that of this output.
+    4. It reads the command's value, and no more than `command_order` of its derivatives.
+    """
+
+    #: Numbers of command and output, p.
+    width: int
+    order: int = 1
+    command_order: int = 0
+
+    @abstractmethod
+    def initial_state(self, command: ReferenceSample, output: Tensor) -> Tensor:
+        """State (..., d) at t = 0, at the plant's output (..., p)."""
+
+    @abstractmethod
+    def rates(self, command: ReferenceSample, output: Tensor, state: Tensor) -> Tensor:
+        """Time derivative of the state (..., d)."""
+
+    @abstractmethod
+    def sample(self, command: ReferenceSample, output: Tensor, state: Tensor) -> ReferenceSample:
+        """What the controller follows."""
+
+
+class LinearModel(ReferenceModel):
+    """x_m' = A x_m + B r + L (y - C x_m), y_m = C x_m.
+
+    `A` (d, d), `B` (d, p), `C` (p, d; the identity if not given). `observer_gain` L (d, p) makes it
+    a closed-loop reference model (Gibson et al., arXiv 1304.7278). `start` (d,) is x_m(0), 0 if not
+    given. Constants: `A`, `B`, `C` and `observer_gain`, each row by row in one row of numbers.
+
+    Raises `ShapeError`, `DomainError`, `KindError` or `DtypeError`.
+    """
+
+    def __init__(
+        self,
+        A: Numbers,
+        B: Numbers,
+        C: Numbers | None = None,
+        observer_gain: Numbers | None = None,
+        start: Numbers | None = None,
+    ) -> None:
+        super().__init__()
+        A, B = as_float64(A, "A"), as_float64(B, "B")
+        if A.dim() != 2 or A.shape[0] != A.shape[1] or B.dim() != 2 or len(B) != len(A):
+            raise ShapeError(
+                f"A of shape {tuple(A.shape)} and B of {tuple(B.shape)}: give (d, d) and (d, p)"
+            )
+        self.size, self.width = B.shape
+        C = torch.eye(self.size, dtype=A.dtype) if C is None else as_float64(C, "C")
+        self._declare("A", A, (self.size, self.size))
+        self._declare("B", B, (self.size, self.width))
+        self._declare("C", C, (self.width, self.size))
+        self.closed = observer_gain is not None
+        if observer_gain is not None:
+            gain = as_float64(observer_gain, "observer_gain")
+            self._declare("observer_gain", gain, (self.size, self.width))
+        rows = torch.zeros(self.size) if start is None else as_float64(start, "start")
+        if rows.shape != (self.size,):
+            raise ShapeError(f"start of shape {tuple(rows.shape)}: give {self.size} numbers")
+        self.start: Tensor
+        self.register_buffer("start", rows.to(torch.float64))
+
+    @classmethod
+    def first_order(cls, rate: float, gain: float = 1.0, start: float = 0.0) -> LinearModel:
+        """x_m' = -rate x_m + rate gain r, of one output: gain rate/(s + rate)."""
+        return cls([[-rate]], [[rate * gain]], start=[start])
+
+    def _declare(self, name: str, value: Tensor, shape: tuple[int, int]) -> None:
+        if value.shape != shape:
+            raise ShapeError(f"{name} of shape {tuple(value.shape)}: give {shape}")
+        self.declare(name, value.reshape(-1), FiniteRow(), (value.numel(),))
+
+    def _matrix(self, name: str) -> Tensor:
+        rows: Tensor = getattr(self, name)
+        width = self.width if name in ("B", "observer_gain") else self.size
+        return rows.unflatten(-1, (-1, width))
+
+    def initial_state(self, command: ReferenceSample, output: Tensor) -> Tensor:
+        """`start` (..., d)."""
+        return self.start.expand(*output.shape[:-1], self.size)
+
+    def rates(self, command: ReferenceSample, output: Tensor, state: Tensor) -> Tensor:
+        """A x_m + B r + L (y - y_m), (..., d)."""
+        rate = times_column(self._matrix("A"), state)
+        rate = rate + times_column(self._matrix("B"), command.value)
+        if not self.closed:
+            return rate
+        gap = output - times_column(self._matrix("C"), state)
+        return rate + times_column(self._matrix("observer_gain"), gap)
+
+    def sample(self, command: ReferenceSample, output: Tensor, state: Tensor) -> ReferenceSample:
+        """y_m and its rate, C x_m'."""
+        C = self._matrix("C")
+        rate = times_column(C, self.rates(command, output, state))
+        return ReferenceSample(times_column(C, state), rate, command=command.value)
+
+
+class SecondOrderModel(ReferenceModel):
+    """y_m'' = w^2 (r - y_m) - 2 zeta w y_m': a smooth way to any command, a step too.
+
+    Of each of p outputs alone; `frequency` w (p,) [rad/s] and `damping` zeta (p,) are constants. It
+    starts at the plant's output, at rest. Raises `ConfigError`, `DomainError`, `ShapeError`,
+    `KindError` or `DtypeError`.
+    """
+
+    order = 2
+
+    def __init__(self, width: int, frequency: Numbers, damping: Numbers = 1.0) -> None:
+        super().__init__()
+        self.width = whole("width", width)
+        self.frequency: Tensor
+        self.damping: Tensor
+        self.declare("frequency", frequency, PositiveRow(), (self.width,))
+        self.declare("damping", damping, PositiveRow(), (self.width,))
+
+    def initial_state(self, command: ReferenceSample, output: Tensor) -> Tensor:
+        """(y, 0) (..., 2p)."""
+        return torch.cat([output, torch.zeros_like(output)], dim=-1)
+
+    def _acceleration(self, command: ReferenceSample, state: Tensor) -> Tensor:
+        value, rate = state.split(self.width, dim=-1)
+        w = self.frequency
+        return w * (w * (command.value - value) - 2.0 * self.damping * rate)
+
+    def rates(self, command: ReferenceSample, output: Tensor, state: Tensor) -> Tensor:
+        """(y_m', y_m'') (..., 2p)."""
+        rate = state[..., self.width :]
+        return torch.cat([rate, self._acceleration(command, state)], dim=-1)
+
+    def sample(self, command: ReferenceSample, output: Tensor, state: Tensor) -> ReferenceSample:
+        """y_m and its two derivatives."""
+        value, rate = state.split(self.width, dim=-1)
+        acceleration = self._acceleration(command, state)
+        return ReferenceSample(value, rate, acceleration, command=command.value)
