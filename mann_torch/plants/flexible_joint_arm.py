@@ -9,7 +9,6 @@ from torch import Tensor
 
 from ..checks import choice, whole
 from ..constraints import NonNegative, Positive
-from ..functional import row_times, times_column
 from ..types import Channel, PlantState
 from .mechanical import MechanicalPlant
 from .n_link_arm import NLinkArm, NLinkCoefficients, NLinkParameters, link_fields
@@ -52,9 +51,6 @@ class FlexibleJointArm(MechanicalPlant):
     """
 
     Parameters = FlexibleJointParameters
-    of_links: Tensor  # (n, 2n) picks the links
-    of_motors: Tensor  # (n, 2n) picks the motors
-    stretch: Tensor  # (n, 2n) q_l - q_m
 
     def __init__(
         self,
@@ -73,11 +69,7 @@ class FlexibleJointArm(MechanicalPlant):
             "motor_inertia": Field((1.0,) * n, Positive(), "kg m^2"),
             "motor_friction": Field((0.0,) * n, NonNegative(), "N m s/rad"),
         }
-        of_links, of_motors = torch.eye(2 * n, dtype=torch.float64).split(n)
-        self.register_buffer("of_links", of_links, persistent=False)
-        self.register_buffer("of_motors", of_motors, persistent=False)
-        self.register_buffer("stretch", of_links - of_motors, persistent=False)
-        seen = {"motors": of_motors, "links": of_links, "all": None}
+        seen = {"motors": tuple(range(n, 2 * n)), "links": tuple(range(n)), "all": None}
         self.sensing = seen[choice("measured", measured, seen)]
 
     @property
@@ -108,42 +100,41 @@ class FlexibleJointArm(MechanicalPlant):
         """diag(M, J) (..., 2n, 2n) [kg m^2]."""
         links = self.links.mass_matrix(q[..., : self.n_links], coefficients.links)
         motors = torch.diag_embed(coefficients.motor_inertia)
-        return _within(links, self.of_links) + _within(motors, self.of_motors)
+        zero = torch.zeros_like(links)
+        return _blocks(links, zero, zero, motors)
 
     def coriolis(self, q: Tensor, qd: Tensor, coefficients: FlexibleJointCoefficients) -> Tensor:
         """diag(C, 0) (..., 2n, 2n) [N m s/rad]."""
         n = self.n_links
         links = self.links.coriolis(q[..., :n], qd[..., :n], coefficients.links)
-        return _within(links, self.of_links)
+        zero = torch.zeros_like(links)
+        return _blocks(links, zero, zero, zero)
 
     def load(self, q: Tensor, qd: Tensor, coefficients: FlexibleJointCoefficients) -> Tensor:
         """Gravity, friction and springs (..., 2n) [N m]."""
         n = self.n_links
         links = self.links.load(q[..., :n], qd[..., :n], coefficients.links)
         motors = coefficients.motor_friction * qd[..., n:]
-        springs = coefficients.stiffness * times_column(self.stretch, q)
-        return (
-            row_times(links, self.of_links)
-            + row_times(motors, self.of_motors)
-            + row_times(springs, self.stretch)
-        )
+        springs = coefficients.stiffness * self._stretch(q)
+        return _row(links + springs, motors - springs)
 
     def input_matrix(self, q: Tensor, coefficients: FlexibleJointCoefficients) -> Tensor:
         """Torques act on the motors: (2n, n)."""
-        return self.of_motors.mT
+        return torch.eye(2 * self.n_links, dtype=q.dtype, device=q.device)[:, self.n_links :]
 
     def load_slope(self, q: Tensor, qd: Tensor, coefficients: FlexibleJointCoefficients) -> Tensor:
         """Slope of the friction (..., 2n) [N m s/rad]."""
         n = self.n_links
-        motors = row_times(coefficients.motor_friction, self.of_motors)
         links = self.links.load_slope(q[..., :n], qd[..., :n], coefficients.links)
-        return motors if links is None else row_times(links, self.of_links) + motors
+        motors = coefficients.motor_friction
+        return _row(torch.zeros_like(motors) if links is None else links, motors)
 
     def load_stiffness(
         self, q: Tensor, qd: Tensor, coefficients: FlexibleJointCoefficients
     ) -> Tensor:
         """The springs (..., 2n, 2n) [N m/rad]; gravity is not stiff."""
-        return _within(torch.diag_embed(coefficients.stiffness), self.stretch)
+        springs = torch.diag_embed(coefficients.stiffness)
+        return _blocks(springs, -springs, -springs, springs)
 
     def energy(self, state: PlantState, coefficients: FlexibleJointCoefficients) -> Tensor:
         """Of links, springs and motors (...,) [J]."""
@@ -151,10 +142,20 @@ class FlexibleJointArm(MechanicalPlant):
         q, qd = state
         links = self.links.energy(PlantState(q[..., :n], qd[..., :n]), coefficients.links)
         motors = coefficients.motor_inertia * qd[..., n:].square()
-        springs = coefficients.stiffness * times_column(self.stretch, q).square()
+        springs = coefficients.stiffness * self._stretch(q).square()
         return links + 0.5 * (motors + springs).sum(-1)
 
+    def _stretch(self, q: Tensor) -> Tensor:
+        """q_l - q_m (..., n) [rad]."""
+        return q[..., : self.n_links] - q[..., self.n_links :]
 
-def _within(block: Tensor, rows: Tensor) -> Tensor:
-    """R' A R (..., 2n, 2n): a block (..., n, n) of all coordinates."""
-    return rows.mT @ block @ rows
+
+def _row(a: Tensor, b: Tensor) -> Tensor:
+    """(a, b) (..., 2n) of rows (..., n)."""
+    return torch.cat(torch.broadcast_tensors(a, b), dim=-1)
+
+
+def _blocks(a: Tensor, b: Tensor, c: Tensor, d: Tensor) -> Tensor:
+    """[[a, b], [c, d]] (..., 2n, 2n) of blocks (..., n, n)."""
+    a, b, c, d = torch.broadcast_tensors(a, b, c, d)
+    return torch.cat([torch.cat([a, b], dim=-1), torch.cat([c, d], dim=-1)], dim=-2)

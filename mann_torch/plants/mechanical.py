@@ -31,18 +31,13 @@ class MechanicalPlant(Plant):
     3. Where fewer or other inputs than one a coordinate drive it, `input_matrix` is B (..., n, m),
        and `inputs` names them.
     4. What is measured are positions and velocities: of all coordinates, or of those that `sensing`
-       picks, and the output is a part of q, unless `output` says otherwise.
+       names, and the output is a part of q, unless `output` says otherwise.
     """
 
     Input: ClassVar[type] = Torque
     n_joints: int
-    #: Rows of the identity that pick the measured coordinates, (p, n); None: all are measured.
-    sensing: Tensor | None
-
-    def __init__(self) -> None:
-        super().__init__()
-        if not hasattr(type(self), "sensing"):  # a class of one's own may have a fixed one
-            self.register_buffer("sensing", None, persistent=False)
+    #: Which coordinates are measured, counted from 0; None: all are.
+    sensing: tuple[int, ...] | None = None
 
     @property
     def inputs(self) -> tuple[Channel, ...]:
@@ -115,7 +110,8 @@ class MechanicalPlant(Plant):
         """Positions and velocities, of the coordinates that are measured."""
         if self.sensing is None:
             return Measurement(state.q, state.qd)
-        return Measurement(*(times_column(self.sensing, part) for part in state))
+        seen = self.sensing
+        return Measurement(*(torch.stack([x[..., i] for i in seen], dim=-1) for x in state))
 
     def derivative(
         self,
@@ -169,9 +165,12 @@ class MechanicalPlant(Plant):
         """Gains on all coordinates (..., n, 2n) and drift (..., n), as forces."""
         block, drift = gains
         if self.sensing is not None:
-            seen = self.sensing.shape[-2]
-            parts = [block[..., :seen] @ self.sensing, block[..., seen:] @ self.sensing]
-            block = torch.cat(parts, dim=-1)
+            seen, n = self.sensing, q.shape[-1]
+            unseen = torch.zeros_like(block[..., 0])
+            places = [seen.index(j) if j in seen else None for j in range(n)]
+            halves = block[..., : len(seen)], block[..., len(seen) :]
+            columns = [unseen if i is None else half[..., i] for half in halves for i in places]
+            block = torch.stack(columns, dim=-1)
         B = self.input_matrix(q, coefficients)
         if B is None:
             return block, drift

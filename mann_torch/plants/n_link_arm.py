@@ -66,7 +66,6 @@ class NLinkArm(MechanicalPlant):
     """
 
     Parameters = NLinkParameters
-    sums: Tensor  # (n, n) L
 
     def __init__(
         self, n_joints: int = 3, gravity: float = 9.8, coulomb_velocity: float = 0.01
@@ -78,8 +77,6 @@ class NLinkArm(MechanicalPlant):
         # As they came: a tensor keeps its gradient.
         self.gravity, self.coulomb_velocity = gravity, coulomb_velocity
         self.fields = link_fields(self.n_joints)
-        ones = torch.ones(self.n_joints, self.n_joints, dtype=torch.float64)
-        self.register_buffer("sums", ones.tril(), persistent=False)
 
     def check(self, parameters: NLinkParameters) -> None:
         """As every plant's; `DomainError` too for a last link that nothing gives inertia."""
@@ -95,8 +92,8 @@ class NLinkArm(MechanicalPlant):
     def coefficients(self, parameters: NLinkParameters) -> NLinkCoefficients:
         """From rows (..., n)."""
         masses, lengths, centers, inertias, viscous, coulomb = parameters
-        lower = self.sums.tril(-1)
-        arms = lengths.unsqueeze(-2) * lower + torch.diag_embed(centers * lengths)
+        inner = torch.ones(self.n_joints, self.n_joints, dtype=lengths.dtype, device=lengths.device)
+        arms = lengths.unsqueeze(-2) * inner.tril(-1) + torch.diag_embed(centers * lengths)
         coupling = arms.mT @ (masses.unsqueeze(-1) * arms)
         weight = self.gravity * row_times(masses, arms)
         friction = unless_zero(viscous), unless_zero(coulomb)
@@ -106,17 +103,17 @@ class NLinkArm(MechanicalPlant):
         """M(q) (..., n, n) [kg m^2]."""
         absolute = coefficients.coupling * torch.cos(self._between(q))
         absolute = absolute + torch.diag_embed(coefficients.inertias)
-        return self.sums.mT @ absolute @ self.sums
+        return _sums(_sums(absolute, -1), -2)
 
     def coriolis(self, q: Tensor, qd: Tensor, coefficients: NLinkCoefficients) -> Tensor:
         """C(q, qd) (..., n, n) [N m s/rad]."""
         rate = qd.cumsum(-1).unsqueeze(-2)
         absolute = coefficients.coupling * torch.sin(self._between(q)) * rate
-        return self.sums.mT @ absolute @ self.sums
+        return _sums(_sums(absolute, -1), -2)
 
     def load(self, q: Tensor, qd: Tensor, coefficients: NLinkCoefficients) -> Tensor:
         """Gravity plus friction (..., n) [N m]."""
-        gravity = row_times(coefficients.weight * torch.cos(q.cumsum(-1)), self.sums)
+        gravity = _sums(coefficients.weight * torch.cos(q.cumsum(-1)), -1)
         return with_friction(gravity, qd, *coefficients[3:], self.coulomb_velocity)
 
     def load_slope(self, q: Tensor, qd: Tensor, coefficients: NLinkCoefficients) -> Tensor | None:
@@ -133,3 +130,8 @@ class NLinkArm(MechanicalPlant):
         """theta_i - theta_j (..., n, n) [rad]."""
         theta = q.cumsum(-1)
         return theta.unsqueeze(-1) - theta.unsqueeze(-2)
+
+
+def _sums(x: Tensor, dim: int) -> Tensor:
+    """L' x along a dimension: what a link and all beyond it have together."""
+    return x.flip(dim).cumsum(dim).flip(dim)

@@ -8,7 +8,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from ..checks import NONNEGATIVE, number
 from ..constraints import Domain
+from ..errors import DomainError
 from ..types import PlantState
 from .mechanical import MechanicalPlant, two_by_two
 from .plant import Field
@@ -44,12 +46,25 @@ def lumped(
 ) -> tuple[float, float, float, float]:
     """a_1 ... a_4 [kg m^2] of a link (m_1, l_1, l_c1, I_1) and of an outer one with its load.
 
-    The latter's m_e, l_ce, I_e and delta: [kg], [m], [kg m^2], [rad].
+    The latter's m_e, l_ce, I_e and delta: [kg], [m], [kg m^2], [rad]. Raises `KindError`, or
+    `DomainError` for masses, lengths or inertias below 0.
     """
-    own = load_inertia + load_mass * load_center**2
-    reach = load_mass * length * load_center
-    first = inertia + mass * center**2 + own + load_mass * length**2
-    return first, own, reach * math.cos(load_angle), reach * math.sin(load_angle)
+    sizes = {
+        "mass": mass,
+        "length": length,
+        "center": center,
+        "inertia": inertia,
+        "load_mass": load_mass,
+        "load_center": load_center,
+        "load_inertia": load_inertia,
+    }
+    m, l_1, c, own, m_e, c_e, own_e = (
+        number(name, value, NONNEGATIVE, DomainError) for name, value in sizes.items()
+    )
+    delta = number("load_angle", load_angle)
+    outer, reach = own_e + m_e * c_e**2, m_e * l_1 * c_e
+    first = own + m * c**2 + outer + m_e * l_1**2
+    return first, outer, reach * math.cos(delta), reach * math.sin(delta)
 
 
 _FIELDS = {"a": Field(lumped(), PositiveArm(), "kg m^2")}

@@ -23,6 +23,8 @@ def check_forces(b: Bench) -> None:
     c, state, n = b.coefficients, b.state, plant.n_joints
     if not isinstance(state, PlantState) or state.q.shape[-1] != n:
         raise broken(plant, f"rest() is no PlantState of n_joints = {n} coordinates", "q, qd (n,)")
+    if plant.sensing is not None and not set(plant.sensing) <= set(range(n)):
+        raise broken(plant, f"sensing = {plant.sensing}", f"name coordinates from 0 to {n - 1}")
     forces: tuple[tuple[str, Callable[[], Tensor], tuple[int, ...]], ...] = (
         ("mass_matrix", lambda: plant.mass_matrix(state.q, c), (n, n)),
         ("coriolis", lambda: plant.coriolis(state.q, state.qd, c), (n, n)),

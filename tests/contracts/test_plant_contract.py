@@ -320,9 +320,14 @@ class FirstOrderArm(TwoLinkArm):
         return PlantState(torch.zeros(3).double(), torch.zeros(3).double())
 
 
+class FarSeeingArm(TwoLinkArm):
+    sensing = (1, 2)
+
+
 @pytest.mark.parametrize(
     ("plant", "said"),
     [
+        (FarSeeingArm, r"sensing = \(1, 2\)"),
         (FastArm, "dM/dt - 2 C is not skew"),
         (TurnedArm, "C qd is not what Lagrange"),
         (LopsidedArm, "mass_matrix is not symmetric"),
