@@ -83,7 +83,7 @@ def simulate(cfg: SimulateConfig) -> tuple[Experiment, Trajectory, float]:
             experiment.loop,
             scenario,
             solver,
-            network=experiment.network,
+            weights=experiment.weights,
             sample_dt=cfg.output.sample_dt,
             engine=engine,
             device=device,

@@ -7,11 +7,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .control import Controller, MannController, equal_parameter_hidden
+    from .control import (
+        AdaptiveNetwork,
+        Controller,
+        FeatureNetwork,
+        MannController,
+        NetworkInputs,
+        equal_parameter_hidden,
+    )
     from .errors import (
         ConfigError,
         DomainError,
         DtypeError,
+        InterfaceError,
         KernelError,
         KindError,
         MannError,
@@ -37,12 +45,14 @@ if TYPE_CHECKING:
         relaxed,
     )
     from .metrics import input_rate, peak_input, reallocations, srmse, switches
-    from .plants import ArmParameters, Plant, TwoLinkArm, arm_parameters
-    from .signals import MeasurementNoise, PiecewiseConstant, Reference, Sinusoid
+    from .parts import Actuator, Clock, LinearModel, ReferenceModel, SecondOrderModel, Sensor
+    from .plants import ArmParameters, MechanicalPlant, Plant, TwoLinkArm, arm_parameters
+    from .signals import Disturbance, MeasurementNoise, PiecewiseConstant, Reference, Sinusoid
     from .simulation import (
         ClosedLoop,
         Implicit,
         Motion,
+        Observation,
         Odeint,
         Outcome,
         Scenario,
@@ -53,29 +63,41 @@ if TYPE_CHECKING:
         observe,
         rollout,
     )
-    from .types import NetworkState, PlantState
+    from .types import Channel, ControlOutput, NetworkState, PlantState, ReferenceSample
 
 __all__ = [
+    "Actuator",
+    "AdaptiveNetwork",
     "ArmParameters",
     "Attention",
     "CellState",
+    "Channel",
+    "Clock",
     "ClosedLoop",
     "ConfigError",
+    "ControlOutput",
     "Controller",
+    "Disturbance",
     "DomainError",
     "DtypeError",
+    "FeatureNetwork",
     "HardAttention",
     "Implicit",
+    "InterfaceError",
     "KernelError",
     "KeyRule",
     "KindError",
+    "LinearModel",
     "MannController",
     "MannError",
     "MeasurementNoise",
+    "MechanicalPlant",
     "MemoryCell",
     "MemorySequence",
     "Motion",
+    "NetworkInputs",
     "NetworkState",
+    "Observation",
     "Odeint",
     "Outcome",
     "PiecewiseConstant",
@@ -84,9 +106,13 @@ __all__ = [
     "ReallocatingAttention",
     "RecordError",
     "Reference",
+    "ReferenceModel",
+    "ReferenceSample",
     "RelaxedAttention",
     "RepresentationKeys",
     "Scenario",
+    "SecondOrderModel",
+    "Sensor",
     "ShapeError",
     "Sinusoid",
     "SoftAttention",
@@ -120,9 +146,23 @@ _PARTS = (
     "control",
     "plants",
     "signals",
+    "parts",
     "simulation",
     "metrics",
     "figures",
+)
+
+_OTHERS = (
+    "checks",
+    "constraints",
+    "domains",
+    "functional",
+    "interface",
+    "statistics",
+    "stiff",
+    "testing",
+    "trees",
+    "tuning",
 )
 
 
@@ -133,7 +173,7 @@ def __getattr__(name: str) -> Any:
             if hasattr(module, name):
                 value = globals()[name] = getattr(module, name)
                 return value
-    if name in (*_PARTS, "checks", "constraints", "functional", "statistics", "trees", "tuning"):
+    if name in (*_PARTS, *_OTHERS):
         return import_module(f"{__name__}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

@@ -9,20 +9,22 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 BASE = {
-    *("errors", "checks", "types", "functional", "constraints", "trees", "interface", "stiff"),
+    *("errors", "checks", "types", "functional", "domains", "constraints", "trees"),
+    *("interface", "stiff"),
 }
 ALLOWED = {
     "memory": BASE,
     "control": BASE | {"memory"},
     "plants": BASE,
     "signals": BASE,
+    "parts": BASE,
     "compiled": {"errors"},
-    "simulation": BASE | {"compiled", "memory", "control", "plants", "signals"},
+    "simulation": BASE | {"compiled", "memory", "control", "plants", "signals", "parts"},
     "metrics": BASE | {"simulation"},
     "statistics": BASE,
     "figures": BASE,
     "tuning": BASE | {"simulation", "metrics", "statistics"},
-    "testing": BASE | {"memory", "control", "plants", "signals", "simulation"},
+    "testing": BASE | {"memory", "control", "plants", "signals", "parts", "simulation"},
 }
 
 

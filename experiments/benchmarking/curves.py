@@ -79,7 +79,7 @@ def _timed(made: Experiment, solver: mt.Solver, repeats: int) -> tuple[float, mt
                 made.loop,
                 made.scenario,
                 solver,
-                network=made.network,
+                weights=made.weights,
                 engine="compiled",
                 motion_dt=0.1,
                 sample_until=0.0,

@@ -66,7 +66,7 @@ def compare(case: Case) -> dict[str, Any]:
         sides[f"{gradient} gradient"] = (both, steps)
     with torch.no_grad():
         met = mt.rollout(
-            made.loop, made.scenario, made.solver, network=made.network, gradient="hybrid",
+            made.loop, made.scenario, made.solver, weights=made.weights, gradient="hybrid",
             motion_dt=1.0, sample_until=0.0,
         ).events  # fmt: skip
     times = in_turns(sides, case.rounds)

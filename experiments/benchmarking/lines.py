@@ -97,7 +97,7 @@ def _off(line: Line, srmse: list[float]) -> float:
             made.loop,
             made.scenario,
             mt.Implicit(2.5e-4),
-            network=made.network,
+            weights=made.weights,
             motion_dt=1.0,
             sample_until=0.0,
             engine="compiled",

@@ -71,7 +71,7 @@ def in_turns(sides: Mapping[str, Side], rounds: int) -> dict[str, Times]:
 
 def steps_of(made: Experiment) -> int:
     """Steps of all trajectories of an experiment together."""
-    return math.ceil(made.scenario.end / made.solver.dt) * len(made.network.W)
+    return math.ceil(made.scenario.end / made.solver.dt) * len(made.weights.W)
 
 
 def ratio_of(slow: Times, fast: Times) -> tuple[float, str]:

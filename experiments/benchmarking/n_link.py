@@ -7,7 +7,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from mann_torch.plants import Plant
+from mann_torch.plants import MechanicalPlant
 from mann_torch.types import PlantState
 
 
@@ -25,7 +25,7 @@ class NLinkCoefficients(NamedTuple):
     weight: Tensor  # (..., n) g l_i times the mass beyond link i [N m]
 
 
-class NLinkArm(Plant):
+class NLinkArm(MechanicalPlant):
     """n links in a vertical plane; joint i turns link i against link i - 1.
 
     In the links' absolute angles theta = L q, with M_ij = I_ij cos(theta_i - theta_j), everything

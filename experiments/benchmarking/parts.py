@@ -78,12 +78,12 @@ def k_nearest(batch: int, horizon: float) -> Experiment:
 def _made(
     plant: mt.Plant, memory: mt.WorkingMemory, parameters: Any, batch: int, horizon: float
 ) -> Experiment:
-    n = plant.n_joints
+    n = len(plant.outputs)
     controller = mt.MannController(n, 10, memory)
     reference = mt.Sinusoid([1.0, *[0.5] * (n - 1)], 0.5)
     scenario = mt.Scenario(reference, parameters, horizon)
-    network = controller.initial_network((batch,), torch.Generator().manual_seed(0))
-    return Experiment(mt.ClosedLoop(plant, controller), scenario, mt.Implicit(), network)
+    weights = controller.initial_weights((batch,), torch.Generator().manual_seed(0))
+    return Experiment(mt.ClosedLoop(plant, controller), scenario, mt.Implicit(), weights)
 
 
 PARTS: dict[str, Callable[[int, float], Experiment]] = {
@@ -110,7 +110,7 @@ def compare(case: Case) -> dict[str, Any]:
             short = replace(made, scenario=scenario)  # the same loop: compiled for both
             names = smooth_constants(made)
             with torch.no_grad():
-                q.append(run(engine, short, motion_dt=None).q)
+                q.append(run(engine, short, motion_dt=None).output)
             slopes.append(slope_of(engine, short, names)[1])
             if not bool(error_of(engine, made).isfinite().all()):
                 raise ArithmeticError(f"{case.part}: a trajectory diverged")

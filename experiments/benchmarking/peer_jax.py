@@ -65,7 +65,7 @@ class Peer:
             jnp.asarray(shares_of(grid.times)[1:].numpy()),
         )
         self.horizon = horizon
-        network = [jnp.asarray(leaf.numpy()) for leaf in made.network]
+        network = [jnp.asarray(leaf.numpy()) for leaf in made.weights]
         self.start = jax.vmap(lambda *leaves: self._start(*leaves))(*network)
 
     def _start(self, W: Array, b_w: Array, V: Array, b_v: Array) -> State:

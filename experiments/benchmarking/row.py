@@ -71,7 +71,7 @@ def run(
         made.loop,
         made.scenario,
         TORCH.get(engine, made.solver),
-        network=made.network,
+        weights=made.weights,
         engine="torch" if engine in TORCH else "compiled",
         device="cuda" if engine == "compiled cuda" else "cpu",
         motion_dt=motion_dt,

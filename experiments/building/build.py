@@ -24,13 +24,13 @@ from mann_torch.memory import (
 from mann_torch.plants import PLANTS, TwoLinkArm, arm_parameters
 from mann_torch.signals import PiecewiseConstant
 from mann_torch.simulation import ADAPTIVE, FIXED, METHODS, check_engine
-from mann_torch.types import NetworkState, PlantState
+from mann_torch.types import PlantState
 
 from ..settings.checks import check_horizon, holds_truth
 from ..settings.config import SimulateConfig, SolverConfig
 from .masses import mass_schedule
 from .sizes import check_rollouts, check_steps, hidden_neurons
-from .weights import check_draws, initial_network
+from .weights import check_draws, initial_weights
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Experiment:
     loop: ClosedLoop
     scenario: Scenario
     solver: Solver
-    network: NetworkState  # (draws, *event)
+    weights: Any  # initial adaptive weights, (draws, *event)
 
 
 def build(cfg: SimulateConfig, draws: Sequence[int] | None = None) -> Experiment:
@@ -58,7 +58,7 @@ def build(cfg: SimulateConfig, draws: Sequence[int] | None = None) -> Experiment
     solver = build_solver(cfg.solver)
     check_steps(scenario.end, solver.dt)
     check_engine(loop, scenario, solver, cfg.solver.engine, cfg.solver.device)
-    return Experiment(loop, scenario, solver, initial_network(cfg, controller, draws))
+    return Experiment(loop, scenario, solver, initial_weights(cfg, controller, draws))
 
 
 def _check_unused(cfg: SimulateConfig) -> None:

@@ -45,7 +45,7 @@ def run_chunk(
             made.loop,
             made.scenario,
             made.solver,
-            network=made.network,
+            weights=made.weights,
             motion_dt=MOTION_DT,
             sample_dt=made.scenario.end,
             sample_until=0.0,

@@ -92,7 +92,7 @@ def ensemble_of(
     check_horizon(cfg.horizon)
     number("effort_after", cfg.effort_after, NONNEGATIVE)
     parts = [experiment_of(cfg, plain, draws) for plain in scenarios]
-    scenario, network, own = side_by_side(parts)
+    scenario, weights, own = side_by_side(parts)
     first, noise = parts[0], _noise(cfg.noise, draws, scenario.end)
     if cfg.noise.position_std or cfg.noise.velocity_std:
         every = noise.select([place for _ in scenarios for place in range(len(draws))])
@@ -100,7 +100,7 @@ def ensemble_of(
     return Ensemble(
         loop=first.loop,
         scenario=scenario,
-        network=network,
+        weights=weights,
         solver=first.solver,
         own=own,
         effort_after=cfg.effort_after,
@@ -114,7 +114,7 @@ def _noise(cfg: NoiseConfig, draws: Sequence[int], end: float) -> MeasurementNoi
     if not 0 <= cfg.seed < 1 << 62:
         raise ConfigError(f"noise.seed = {cfg.seed}: must be >= 0 and < 2^62")
     seeds = torch.tensor([cfg.seed + draw for draw in draws])
-    noise = MeasurementNoise(cfg.position_std, cfg.velocity_std, seeds, cfg.rate)
+    noise = MeasurementNoise([cfg.position_std, cfg.velocity_std], seeds, cfg.rate)
     if cfg.rate is not None:
         check_noise(f"noise.rate = {cfg.rate:g}", cfg.rate * end, len(draws))
     return noise

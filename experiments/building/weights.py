@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from mann_torch import MannController
+from mann_torch.control import AdaptiveNetwork
 from mann_torch.errors import ConfigError, WeightsFileError
 from mann_torch.types import NetworkState
 
@@ -36,11 +38,11 @@ def check_draws(cfg: LoopConfig, draws: Sequence[int]) -> None:
         raise ConfigError(f"seed = {cfg.seed}: must be >= 0 and < 2^32")
 
 
-def initial_network(
+def initial_weights(
     cfg: SimulateConfig, controller: MannController, draws: Sequence[int]
 ) -> NetworkState:
     """Initial weights of draws that are counted from number `initial.draw` on, (draws, *event)."""
-    network = controller.network
+    network = cast(AdaptiveNetwork, controller.network)
     numbers = [cfg.initial.draw + draw for draw in draws]
     if cfg.initial.weights_file is not None:
         V, b_v = inner_weights(

@@ -60,7 +60,7 @@ def signal_arrays(
         "qd": trajectory.states.plant.qd,
         "error": signals.tracking.error,
         "error_rate": signals.tracking.error_rate,
-        "torque": output.torque,
+        "torque": output.input,
         "gain": signals.gain,
         "hidden": signals.features.hidden,
         "read": signals.read,

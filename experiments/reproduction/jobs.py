@@ -119,10 +119,10 @@ def batches(cfg: ReproduceConfig, job: Job) -> list[tuple[list[str], Experiment]
 
 def _batched(parts: list[Experiment]) -> Experiment:
     """Scenarios and draws of one controller as one experiment of batch (scenarios * draws,)."""
-    scenario, network, own = side_by_side(parts)
+    scenario, weights, own = side_by_side(parts)
     first = parts[0]
     first.loop.controller.initialize(**own)
-    return Experiment(first.loop, scenario, first.solver, network)
+    return Experiment(first.loop, scenario, first.solver, weights)
 
 
 def n_steps(cfg: ReproduceConfig, job: Job) -> int:
@@ -179,7 +179,7 @@ def _run(
         experiment.loop,
         experiment.scenario,
         experiment.solver,
-        network=experiment.network,
+        weights=experiment.weights,
         sample_dt=SAMPLE_DT,
         sample_until=None if recorded else 0.0,
         motion_dt=SAMPLE_DT,

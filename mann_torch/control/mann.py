@@ -147,6 +147,7 @@ class MannController(Controller):
         """State and mode at t = 0; the memory starts from the features there."""
         if weights is None:
             weights = self.initial_weights(batch_shape, generator)
+        self.network.check_state(weights)
         network = self.network.expand(weights, batch_shape)
         if self.memory is None:
             return ControllerState(network, None), None

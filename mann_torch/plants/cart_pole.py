@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ..checks import NONNEGATIVE, choice, number
-from ..constraints import NonNegative, Positive
+from ..domains import NonNegative, Positive
 from ..errors import DomainError
 from ..types import Channel, PlantState
 from .mechanical import MechanicalPlant, two_by_two

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ..checks import whole
-from ..constraints import Positive
+from ..domains import Positive
 from ..types import Channel, PlantState
 from .mechanical import MechanicalPlant
 from .plant import Field, channels

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ..checks import choice, whole
-from ..constraints import NonNegative, Positive
+from ..domains import NonNegative, Positive
 from ..types import Channel, PlantState
 from .mechanical import MechanicalPlant
 from .n_link_arm import NLinkArm, NLinkCoefficients, NLinkParameters, link_fields

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ..checks import choice
-from ..constraints import Finite
+from ..domains import Finite
 from ..errors import ConfigError, ShapeError
 from ..functional import Numbers, as_float64, times_column
 from ..stiff import FirstOrderBlock

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ..checks import NONNEGATIVE, POSITIVE, number, whole
-from ..constraints import Finite, NonNegative, Positive
+from ..domains import Finite, NonNegative, Positive
 from ..errors import DomainError
 from ..functional import row_times
 from ..types import PlantState

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ..checks import NONNEGATIVE, POSITIVE, number
-from ..constraints import NonNegative, Positive
+from ..domains import NonNegative, Positive
 from ..errors import DomainError
 from ..types import PlantState
 from .friction import friction_slope, unless_zero, with_friction

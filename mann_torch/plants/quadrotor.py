@@ -7,7 +7,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ..constraints import Finite, NonNegative
+from ..domains import Finite, NonNegative
 from ..types import Channel, PlantState
 from .mechanical import MechanicalPlant
 from .plant import Field

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ..checks import NONNEGATIVE, number
-from ..constraints import Domain
+from ..domains import Domain
 from ..errors import DomainError
 from ..types import PlantState
 from .mechanical import MechanicalPlant, two_by_two

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ..checks import NONNEGATIVE, POSITIVE, number
-from ..constraints import NonNegative, Positive
+from ..domains import NonNegative, Positive
 from ..errors import DomainError
 from ..functional import Numbers
 from ..types import PlantState

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ..constraints import Finite
+from ..domains import Finite
 from ..functional import times_column
 from ..stiff import FirstOrderBlock
 from ..types import Channel, InputGains

@@ -1,6 +1,6 @@
 """Closed loops, solvers and rollouts: where plants, controllers and signals meet."""
 
-from .closed_loop import ClosedLoop
+from .closed_loop import ClosedLoop, Observation
 from .events.steps import EventCounts
 from .explaining import Explanation, explain
 from .gradients import GRADIENTS, check_gradient
@@ -30,6 +30,7 @@ __all__ = [
     "Flow",
     "Implicit",
     "Motion",
+    "Observation",
     "Odeint",
     "Outcome",
     "Scenario",

@@ -92,9 +92,10 @@ def start_of(
 
 def coefficients_of(loop: ClosedLoop, scenario: Scenario, batch: torch.Size, t: Tensor) -> Any:
     """The plant's coefficients at times t [s], for the whole batch: (*t.shape, ..., *event)."""
-    wide = (*t.shape, *batch)
+    moving = {name: rows.expand(batch).at(t) for name, rows in scenario.schedule.items()}
     parameters = map_tensors(
-        lambda rows: rows.expand(*wide, rows.shape[-1]), scenario.parameters_at(t)
+        lambda rows: rows.expand(*t.shape, *batch, rows.shape[-1]),
+        scenario.parameters._replace(**moving),
     )
     return loop.plant.coefficients(parameters)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import torch
 from torch import Tensor
@@ -66,10 +66,14 @@ class Outcome:
 
     if not TYPE_CHECKING:  # a type checker knows what is not there
 
-        def __getattr__(self, name: str) -> NoReturn:
-            """Called for what is missing."""
+        def __getattr__(self, name: str) -> Tensor:
+            """A field of the plant's state by its name, `q` of an arm; else, what is missing."""
+            plant = self.__dict__.get("plant")
+            if name in getattr(plant, "_fields", ()):
+                return getattr(plant, name)
             for kind, what in ((Motion, "motion_dt"), (Trajectory, "sample_until")):
                 known = name in vars(kind) or name in kind.__dataclass_fields__
+                known = known or (kind is Motion and name in self.__dict__.get("leaf_names", ()))
                 if known and not isinstance(self, kind):
                     raise RecordError(
                         f"'{name}' was not kept: a judge that reads it declares {what}, as in "

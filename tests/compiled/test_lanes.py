@@ -34,7 +34,7 @@ def rows(made: Case, chosen: Sequence[int]) -> Case:
     return Case(
         made.loop,
         dataclasses.replace(made.scenario, start=PlantState(*(leaf[index] for leaf in start))),
-        NetworkState(*(leaf[index] for leaf in made.network)),
+        NetworkState(*(leaf[index] for leaf in made.weights)),
     )
 
 
@@ -59,7 +59,7 @@ def gradients(
         weights = randn(11, horizon, *x.shape[2:], seed=seed)[list(chosen), : len(x)]
         loss = loss + (x * weights.transpose(0, 1)).sum()
     assert loss.requires_grad
-    own = [*(free[f"start {k}"] for k in ("q", "qd")), *made.network]
+    own = [*(free[f"start {k}"] for k in ("q", "qd")), *made.weights]
     shared = [x for x in free.values() if all(x is not y for y in own)]
     found, again = (
         torch.autograd.grad(loss, [*own, *shared], retain_graph=True, materialize_grads=True)
@@ -124,9 +124,9 @@ def test_bits_are_the_same_in_any_number_of_lanes_and_threads(
 def diverging(name: str) -> Case:
     """Eight samples, of which number 3 feeds itself beyond every bound."""
     made = case(name, 0.1, batch=8)
-    W = made.network.W.clone()
+    W = made.weights.W.clone()
     W[3] = 1e9
-    return made._replace(network=made.network._replace(W=W))
+    return made._replace(weights=made.weights._replace(W=W))
 
 
 @pytest.mark.parametrize("name", EVERY)

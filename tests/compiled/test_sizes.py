@@ -29,7 +29,7 @@ def relative(a, b):
     return float((a - b).abs().max() / b.abs().max().clamp(min=1e-300)) if a.numel() else 0.0
 
 def network(controller, n_hidden, batch):
-    first = controller.initial_network((batch,), torch.Generator().manual_seed(1))
+    first = controller.initial_weights((batch,), torch.Generator().manual_seed(1))
     return NetworkState(*(x + 0.3 * randn(*x.shape, seed=4) / n_hidden**0.5 for x in first))
 
 def loop(attention, n_slots, n_hidden):
@@ -54,7 +54,7 @@ def check(attention, n_slots, n_hidden, batch, threads, steps, backward):
         free = NetworkState(*(x.clone().requires_grad_(backward) for x in first))
         begun = time.monotonic()
         with torch.set_grad_enabled(backward):
-            run = mt.rollout(made, scenario, network=free, engine=engine)
+            run = mt.rollout(made, scenario, weights=free, engine=engine)
         values = [run.qd, *leaves(run.states)]
         if backward:
             loss = run.qd.square().sum() + mt.srmse(run).sum()

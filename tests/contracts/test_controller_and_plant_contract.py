@@ -7,39 +7,25 @@ import torch
 from torch import Tensor
 
 import mann_torch as mt
+from mann_torch.trees import map_tensors
 from mann_torch.types import (
-    ControllerState,
     ControlOutput,
-    ControlSignals,
-    Features,
     Measurement,
     NetworkState,
     PlantState,
     ReferenceSample,
-    TrackingError,
 )
 from tests.conftest import CONTROLLERS, generator, make_controller, make_scenario, randn
 
 
 class NoControl(mt.Controller):
-    """Zero torque; its network is empty."""
+    """Zero torque; it has no state."""
 
-    def initial_network(self, batch_shape, generator=None):
-        zeros = lambda *s: torch.zeros(*batch_shape, *s, dtype=torch.float64)  # noqa: E731
-        return NetworkState(zeros(1, 2), zeros(2), zeros(10, 1), zeros(1))
-
-    def initial_state(self, reference, measurement, network):
-        return ControllerState(network, None), None
+    def initial_state(self, reference, measurement, batch_shape, generator=None, weights=None):
+        return None, None
 
     def forward(self, reference, measurement, state, mode):
-        zero = torch.zeros_like(measurement.q)
-        still = NetworkState(*(torch.zeros_like(leaf) for leaf in state.network))
-        tracking = TrackingError(reference.q - measurement.q, zero, zero)
-        signals = ControlSignals(tracking, Features(zero, zero, zero), None, None, zero[..., 0])
-        return ControlOutput(zero, ControllerState(still, None), signals)
-
-    def jump(self, reference, measurement, state, mode):
-        return state, mode
+        return ControlOutput(torch.zeros_like(measurement.q), None, None)
 
 
 def test_an_unforced_arm_in_a_loop_keeps_its_energy() -> None:
@@ -57,7 +43,7 @@ class Mass(NamedTuple):
     masses: Tensor  # (..., 3)
 
 
-class ThreeCarts(mt.Plant):
+class ThreeCarts(mt.MechanicalPlant):
     """Three carts on rails: M = diag(m), no Coriolis force, a spring each."""
 
     n_joints = 3
@@ -89,25 +75,25 @@ def test_a_plant_with_three_joints_is_controlled() -> None:
         run = mt.rollout(loop, scenario, generator=generator(), batch_shape=(2,))
     assert run.status.tolist() == [0, 0]
     late = run.error[run.t > 2.0].abs().max()
-    assert float(late) < 0.05 * float(run.reference.q.abs().max())
+    assert float(late) < 0.05 * float(run.reference.value.abs().max())
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_controller_batch_equals_single_calls(name: str) -> None:
     controller = make_controller(name)
-    network = controller.initial_network((4,), generator())
+    network = controller.initial_weights((4,), generator())
     network = network._replace(W=randn(4, 6, 2))
     reference = ReferenceSample(*randn(3, 4, 2, seed=1))
     seen = Measurement(*randn(2, 4, 2, seed=2))
-    state, mode = controller.initial_state(reference, seen, network)
-    torque = controller(reference, seen, state, mode).torque
+    state, mode = controller.initial_state(reference, seen, (4,), weights=network)
+    torque = controller(reference, seen, state, mode).input
     for i in range(4):
-        reference_i = ReferenceSample(*(leaf[i] for leaf in reference))
+        reference_i = map_tensors(lambda leaf, i=i: leaf[i], reference)
         seen_i = Measurement(*(leaf[i] for leaf in seen))
         state_i, mode_i = controller.initial_state(
-            reference_i, seen_i, NetworkState(*(leaf[i] for leaf in network))
+            reference_i, seen_i, (), weights=NetworkState(*(leaf[i] for leaf in network))
         )
-        one = controller(reference_i, seen_i, state_i, mode_i).torque
+        one = controller(reference_i, seen_i, state_i, mode_i).input
         torch.testing.assert_close(one, torque[i], rtol=1e-13, atol=1e-12)
 
 
@@ -119,11 +105,11 @@ def test_constants_may_differ_per_sample(name: str) -> None:
         values["write_gain"] = [0.5, 1.5]
     together = make_controller(name)
     together.initialize(**values)
-    network = together.initial_network((2,), generator())
-    both = mt.rollout(mt.ClosedLoop(mt.TwoLinkArm(), together), scenario, network=network)
+    network = together.initial_weights((2,), generator())
+    both = mt.rollout(mt.ClosedLoop(mt.TwoLinkArm(), together), scenario, weights=network)
     for i in range(2):
         alone = make_controller(name)
         alone.initialize(**{key: value[i] for key, value in values.items()})
         one = NetworkState(*(leaf[i] for leaf in network))
-        run = mt.rollout(mt.ClosedLoop(mt.TwoLinkArm(), alone), scenario, network=one)
+        run = mt.rollout(mt.ClosedLoop(mt.TwoLinkArm(), alone), scenario, weights=one)
         torch.testing.assert_close(run.q, both.q[:, i], rtol=0, atol=1e-12)

@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from mann_torch.constraints import Positive
+from mann_torch.domains import Positive
 from mann_torch.errors import DomainError, InterfaceError, KindError, ShapeError
 from mann_torch.plants import (
     ELZEBDA,

@@ -59,12 +59,12 @@ def test_gradients_through_every_solver_match_its_own_differences(name: str) -> 
 @pytest.mark.parametrize("name", ["dopri5", "rk4"])
 def test_a_torchdiffeq_sample_that_fails_does_not_take_the_batch_with_it(name: str) -> None:
     loop, scenario = make_loop("nn"), make_scenario(0.01)
-    network = loop.controller.initial_network((3,), generator())
+    network = loop.controller.initial_weights((3,), generator())
     W = torch.zeros_like(network.W)
     W[1] = 1e12
     solver = mt.Odeint(name, 5e-3, max_step=2e-4, max_evaluations=300)
     with torch.no_grad():
-        run = mt.rollout(loop, scenario, solver, network=network._replace(W=W))
+        run = mt.rollout(loop, scenario, solver, weights=network._replace(W=W))
     assert [s == mt.Status.OK for s in run.status.tolist()] == [True, False, True]
 
 

@@ -6,6 +6,7 @@ import pytest
 import torch
 
 import mann_torch as mt
+from mann_torch.simulation.starting import start_of
 from mann_torch.types import (
     ControllerState,
     Measurement,
@@ -76,14 +77,14 @@ def test_torque_and_update_laws_match_the_paper_term_by_term() -> None:
     lists = [t.tolist() for t in (x, dx, s, ds, dds, W, bw, V, bv, mu)]
     expected = [torch.tensor(v, dtype=torch.float64) for v in paper_controller(*lists, c)]
     d = out.d_state
-    ours = [out.torque, *d.network, d.memory.mu]
+    ours = [out.input, *d.network, d.memory.mu]
     for mine, theirs in zip(ours, expected, strict=True):
         torch.testing.assert_close(mine, theirs, rtol=1e-12, atol=1e-12)
 
 
 def test_plain_network_is_the_memory_controller_that_reads_nothing() -> None:
     plain = mt.MannController(n, N)
-    network = plain.initial_network((), torch.Generator().manual_seed(0))
+    network = plain.initial_weights((), torch.Generator().manual_seed(0))
     network = network._replace(W=randn(N, n), b_w=randn(n, seed=1))
     memory = mt.WorkingMemory(S, N, mt.HardAttention())
     empty = MemoryState(torch.zeros(S, N).double(), torch.zeros(S, 0).double())
@@ -91,7 +92,7 @@ def test_plain_network_is_the_memory_controller_that_reads_nothing() -> None:
     with_memory = mt.MannController(n, N, memory)
     a = plain(reference, seen, ControllerState(network, None), None)
     b = with_memory(reference, seen, ControllerState(network, empty), memory.initial_mode(()))
-    assert torch.equal(a.torque, b.torque)
+    assert torch.equal(a.input, b.input)
 
 
 def test_equal_parameter_count_gives_the_papers_fourteen_neurons() -> None:
@@ -100,38 +101,38 @@ def test_equal_parameter_count_gives_the_papers_fourteen_neurons() -> None:
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
-def test_torque_gains_are_the_torques_derivative_where_attention_is_fixed(name: str) -> None:
+def test_input_gains_are_the_torques_derivative_where_attention_is_fixed(name: str) -> None:
     controller = make_controller(name)
-    network = controller.initial_network((), torch.Generator().manual_seed(0))
+    network = controller.initial_weights((), torch.Generator().manual_seed(0))
     network = network._replace(W=randn(6, 2))
     reference, q, qd = ReferenceSample(*randn(3, 2)), randn(2, seed=1), randn(2, seed=2)
-    state, mode = controller.initial_state(reference, Measurement(q, qd), network)
+    state, mode = controller.initial_state(reference, Measurement(q, qd), (), weights=network)
 
     def torque(velocity: torch.Tensor) -> torch.Tensor:
-        return controller(reference, Measurement(q, velocity), state, mode).torque
+        return controller(reference, Measurement(q, velocity), state, mode).input
 
     exact = -torch.func.jacrev(torque)(qd)
     output = controller(reference, Measurement(q, qd), state, mode)
-    gains = controller.torque_gains(reference, output, state)
+    gains = controller.input_gains(reference, output, state)
     # Soft attention's weights move with the velocity too: there the gain is approximate.
     tolerance = 0.05 if name == "soft" else 1e-10
-    assert float((gains.rate - exact).norm() / exact.norm()) <= tolerance
+    assert float((gains.measurement[:, 2:] - exact).norm() / exact.norm()) <= tolerance
 
 
 def test_a_memory_starts_from_the_same_bits_in_any_batch() -> None:
     """Torch takes the numbers after the last whole vector another way."""
     loop = make_loop("hard", n_hidden=10)
     scenario = make_scenario()
-    network = loop.controller.initial_network((333,), generator(1))
+    network = loop.controller.initial_weights((333,), generator(1))
     network = network._replace(V=30.0 * network.V)
-    whole = loop.initial_state(scenario, network)[0].controller.memory.mu
+    whole = start_of(loop, scenario, network)[0].controller.memory.mu
     for rows in (slice(0, 1), slice(1, 3), slice(0, 125), slice(300, 333)):
         part = type(network)(*(leaf[rows] for leaf in network))
-        mu = loop.initial_state(scenario, part)[0].controller.memory.mu
+        mu = start_of(loop, scenario, part)[0].controller.memory.mu
         assert torch.equal(mu, whole[rows]), rows
     for row in range(100):
         alone = type(network)(*(leaf[row] for leaf in network))
-        assert torch.equal(loop.initial_state(scenario, alone)[0].controller.memory.mu, whole[row])
+        assert torch.equal(start_of(loop, scenario, alone)[0].controller.memory.mu, whole[row])
 
 
 def test_constants_by_name_with_domains_and_batch_shape() -> None:

@@ -22,6 +22,7 @@ from experiments.command.cli import compose_job
 from experiments.settings.machine import check_file, check_memory, machine_memory
 from experiments.simulate import checked
 from mann_torch.errors import ConfigError, WeightsFileError
+from mann_torch.simulation.starting import start_of
 from mann_torch.trees import leaves
 from tests.experiments.command import exit_code
 from tests.experiments.invalid_settings import COMMANDS, invalid, too_large
@@ -87,7 +88,7 @@ def test_the_estimate_is_the_size_of_a_state() -> None:
     for controller, keys in (("nn", "representation"), ("soft", "state"), ("hard", "state")):
         plain = checked(compose_job("simulate", [f"controller={controller}", f"keys={keys}"]))
         made = build(plain)
-        state, _ = made.loop.initial_state(made.scenario, made.network)
+        state, _ = start_of(made.loop, made.scenario, made.weights)
         numbers = sum(leaf.numel() for leaf in leaves(state))
         assert rollout_bytes(plain) == 8 * numbers
 

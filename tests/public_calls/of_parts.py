@@ -51,8 +51,8 @@ CALLS: dict[str, Call] = {
         mt.equal_parameter_hidden,
         {"n_inputs": 10, "n_outputs": 2, "n_hidden": 10, "n_slots": 5},
     ),
-    "Controller.initial_network": (
-        CONTROLLER.initial_network,
+    "Controller.initial_weights": (
+        CONTROLLER.initial_weights,
         {"batch_shape": (2,), "generator": generator()},
     ),
     "DesignModule.initialize": (CONTROLLER.initialize, NUMBERS),
@@ -79,7 +79,7 @@ CALLS: dict[str, Call] = {
     ),
     "MeasurementNoise": (
         mt.MeasurementNoise,
-        {"position_std": 0.1, "velocity_std": 0.1, "seed": 0, "rate": 100.0},
+        {"std": [0.1, 0.1], "seed": 0, "rate": 100.0},
     ),
     "MeasurementNoise.stack": (mt.MeasurementNoise.stack, {"noises": [NOISE]}),
     "multiplied": (signals.multiplied, {"initial": [1.0], "factors": [2.0]}),

@@ -28,7 +28,7 @@ CALLS: dict[str, Call] = {
             "parameters": SCENARIO.parameters,
             "horizon": 0.02,
             "schedule": {},
-            "start": SCENARIO.start_state(),
+            "start": mt.TwoLinkArm().rest(),
             "noise": NOISE,
             "name": "mine",
         },
@@ -91,6 +91,6 @@ CALLS: dict[str, Call] = {
     "srmse": (mt.srmse, TRACK),
     **{
         name: (getattr(mt, name), {"trajectory": RUN})
-        for name in ("torque_rate", "peak_torque", "reallocations", "switches")
+        for name in ("input_rate", "peak_input", "reallocations", "switches")
     },
 }

@@ -16,8 +16,8 @@ LOOP, SCENARIO, SOLVER = (
     mt.Implicit(),
 )
 CONTROLLER = LOOP.controller
-NETWORK = CONTROLLER.initial_network((2,), generator())
-NOISE = mt.MeasurementNoise(0.1, 0.1, [0, 1])
-RUN = mt.rollout(LOOP, SCENARIO, network=NETWORK, engine="torch", effort_after=0.0)
+NETWORK = CONTROLLER.initial_weights((2,), generator())
+NOISE = mt.MeasurementNoise([0.1, 0.1], [0, 1])
+RUN = mt.rollout(LOOP, SCENARIO, weights=NETWORK, engine="torch", effort_after=0.0)
 ROLLOUT = {"loop": LOOP, "scenario": SCENARIO, "solver": SOLVER, "network": NETWORK}
 BATCH = mt.Scenario.stack([SCENARIO, SCENARIO])

@@ -14,12 +14,12 @@ def test_reference_derivatives_are_derivatives() -> None:
     reference = mt.Sinusoid([1.0, 0.4], [0.5, 2.0], [0.0, 0.1])
     t = torch.tensor(1.3, dtype=torch.float64)
     one = torch.ones_like(t)
-    position = lambda u: reference(u).q  # noqa: E731
-    velocity = lambda u: reference(u).qd  # noqa: E731
+    position = lambda u: reference(u).value  # noqa: E731
+    velocity = lambda u: reference(u).rate  # noqa: E731
     sample = reference(t)
-    torch.testing.assert_close(torch.func.jvp(position, (t,), (one,))[1], sample.qd)
-    torch.testing.assert_close(torch.func.jvp(velocity, (t,), (one,))[1], sample.qdd)
-    assert sample.q[1].item() == pytest.approx(0.1 + 0.4 * math.sin(2.6), abs=1e-15)
+    torch.testing.assert_close(torch.func.jvp(position, (t,), (one,))[1], sample.rate)
+    torch.testing.assert_close(torch.func.jvp(velocity, (t,), (one,))[1], sample.acceleration)
+    assert sample.value[1].item() == pytest.approx(0.1 + 0.4 * math.sin(2.6), abs=1e-15)
 
 
 def test_schedule_takes_the_new_value_at_its_jump_time() -> None:

@@ -51,11 +51,11 @@ class Case(NamedTuple):
 
     loop: mt.ClosedLoop
     scenario: mt.Scenario
-    network: NetworkState
+    weights: NetworkState
 
     def run(self, **arguments: object) -> mt.Trajectory:
         """Roll it out."""
-        return mt.rollout(self.loop, self.scenario, network=self.network, **arguments)
+        return mt.rollout(self.loop, self.scenario, weights=self.weights, **arguments)
 
 
 def case(name: str, horizon: float, batch: int = 3, reset: str = "scaled") -> Case:
@@ -70,7 +70,7 @@ def case(name: str, horizon: float, batch: int = 3, reset: str = "scaled") -> Ca
         slots = torch.arange(memory.n_slots)
         used = slots < 2 if memory.attention.reallocates else slots != 2
         memory.store_(MemoryState(0.3 + 0.2 * randn(*memory.initial_mu.shape, seed=2), keys), used)
-    network = controller.initial_network((batch,), generator(1))
+    network = controller.initial_weights((batch,), generator(1))
     network = NetworkState(*(leaf + 0.3 * randn(*leaf.shape, seed=4) for leaf in network))
     scenario = mt.Scenario(
         reference=mt.Sinusoid([1.0, 0.3], [0.5, 0.7], [0.1, -0.2]),
@@ -117,5 +117,5 @@ def freed(made: Case) -> tuple[Case, dict[str, Tensor]]:
         schedule={"masses": mt.PiecewiseConstant(masses.times, leaf("masses", masses.values))},
         start=PlantState(*(leaf(f"start {k}", v) for k, v in old.start._asdict().items())),
     )
-    network = NetworkState(*(leaf(key, value) for key, value in made.network._asdict().items()))
+    network = NetworkState(*(leaf(key, value) for key, value in made.weights._asdict().items()))
     return Case(made.loop, scenario, network), free

@@ -34,13 +34,13 @@ class Side(NamedTuple):
 
     loop: mt.ClosedLoop
     scenario: mt.Scenario
-    network: NetworkState
+    weights: NetworkState
     each: tuple[mt.Scenario, ...]
 
     def run(self, **arguments: object) -> mt.Trajectory:
         """Roll it out, without gradients."""
         with torch.no_grad():
-            return mt.rollout(self.loop, self.scenario, network=self.network, **arguments)
+            return mt.rollout(self.loop, self.scenario, weights=self.weights, **arguments)
 
 
 def side(

@@ -114,7 +114,7 @@ def test_a_schedule_that_was_changed_is_checked_again(name: str) -> None:
 
 
 def test_whatever_else_a_scenario_holds_is_checked_again() -> None:
-    loop, noise = make_loop("nn"), mt.MeasurementNoise(torch.full((2,), 0.1).double(), 0.1)
+    loop, noise = make_loop("nn"), mt.MeasurementNoise(torch.full((2, 2), 0.1, dtype=torch.float64))
     plain = make_scenario(0.02)
     start = mt.PlantState(*(torch.zeros(2, dtype=torch.float64) for _ in range(2)))
     own = mt.arm_parameters(torch.ones(2, dtype=torch.float64))
@@ -123,7 +123,7 @@ def test_whatever_else_a_scenario_holds_is_checked_again() -> None:
     changes = [
         (start.q, math.nan, "start"),
         (scenario.horizon, -1.0, "horizon"),
-        (noise.position_std, -1.0, "position_std"),
+        (noise.std, -1.0, "std"),
         (own.masses, 0.0, "masses"),
     ]
     for tensor, value, word in changes:

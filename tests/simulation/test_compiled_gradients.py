@@ -77,7 +77,7 @@ def test_constants_per_sample_have_gradients_of_their_own() -> None:
     for i in range(3):
         made.loop.controller.initialize(write_gain=values[i])
         (gain,) = made.loop.controller.tune("write_gain")
-        alone = made._replace(network=NetworkState(*(leaf[i] for leaf in made.network)))
+        alone = made._replace(weights=NetworkState(*(leaf[i] for leaf in made.weights)))
         row = type(start)(*(leaf[i] for leaf in start))
         object.__setattr__(made.scenario, "start", row)
         (own,) = torch.autograd.grad(mt.srmse(alone.run(engine="compiled")).sum(), gain)
@@ -90,7 +90,7 @@ def test_constants_per_sample_have_gradients_of_their_own() -> None:
 def test_equal_to_central_differences_over_330_s(controller: str) -> None:
     """Elasticities of the SRMSE in scenario 1, by Richardson's rule from one batch."""
     made = configured(f"controller={controller}", "constants.e_modification=0.01")
-    network = NetworkState(*(leaf[0] for leaf in made.network))
+    network = NetworkState(*(leaf[0] for leaf in made.weights))
     design = made.loop.controller
     names = ["error_gain", "base_gain", "robust_gain", "rate_W", "rate_V", "e_modification"]
     names += ["write_gain"] if controller == "soft" else []
@@ -100,7 +100,7 @@ def test_equal_to_central_differences_over_330_s(controller: str) -> None:
         run = mt.rollout(
             made.loop,
             made.scenario,
-            network=network,
+            weights=network,
             engine="compiled",
             motion_dt=1.0,
             sample_until=0.0,
@@ -130,9 +130,9 @@ def test_equal_to_central_differences_over_330_s(controller: str) -> None:
 @pytest.mark.parametrize("name", ["hard", "relaxed_always_state_keys"])
 def test_a_dead_sample_leaks_no_nan_and_its_mates_keep_their_gradient(name: str) -> None:
     made, free = freed(case(name, 0.1, batch=3))
-    W = made.network.W.detach().clone()
+    W = made.weights.W.detach().clone()
     W[1] = 1e9
-    made = made._replace(network=made.network._replace(W=W))
+    made = made._replace(weights=made.weights._replace(W=W))
     run = made.run(engine="compiled")
     assert run.status[1] != 0
     names = ("base_gain", "error_gain", "masses", "lengths", "amplitude")
@@ -173,7 +173,7 @@ def test_a_perfect_stretch_has_error_and_gradient_zero() -> None:
     (gain,) = loop.controller.tune("base_gain")
     loop.plant.gravity = 0.0
     for engine in ("torch", "compiled"):
-        run = mt.rollout(loop, still, network=rest(loop), engine=engine)
+        run = mt.rollout(loop, still, weights=rest(loop), engine=engine)
         for after in (None, 0.05):
             found = mt.srmse(run, after)
             (slope,) = torch.autograd.grad(found.sum(), gain, retain_graph=True)
@@ -182,7 +182,7 @@ def test_a_perfect_stretch_has_error_and_gradient_zero() -> None:
 
 def rest(loop: mt.ClosedLoop) -> NetworkState:
     """All weights 0: no torque where there is no error."""
-    network = loop.controller.initial_network(())
+    network = loop.controller.initial_weights(())
     return NetworkState(*(torch.zeros_like(leaf) for leaf in network))
 
 

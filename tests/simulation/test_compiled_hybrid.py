@@ -104,7 +104,7 @@ def test_a_samples_bits_depend_neither_on_its_mates_nor_on_threads() -> None:
         alone = dataclasses.replace(
             made.scenario, start=type(start)(*(leaf[i : i + 1] for leaf in start))
         )
-        network = type(made.network)(*(leaf[i : i + 1] for leaf in made.network))
+        network = type(made.weights)(*(leaf[i : i + 1] for leaf in made.weights))
         run = Case(made.loop, alone, network).run(engine="compiled", gradient="hybrid")
         (own,) = torch.autograd.grad(loss_of(run).sum(), network.W)
         assert torch.equal(run.q[:, 0], found[0][0][:, i])
@@ -143,7 +143,7 @@ def test_chattering_is_averaged_and_counted_over_a_minute() -> None:
         runs[gradient] = mt.rollout(
             made.loop,
             made.scenario,
-            network=made.network,
+            weights=made.weights,
             engine="compiled",
             gradient=gradient,
             motion_dt=0.05,
@@ -169,8 +169,8 @@ def test_without_switches_hybrid_is_plain() -> None:
 
 def test_a_diverging_sample_stops_alone_on_both_engines() -> None:
     made = case(QUICK[0], 0.1, batch=3)
-    W = made.network.W.clone()
+    W = made.weights.W.clone()
     W[1] = 1e9
-    runs = both(made._replace(network=made.network._replace(W=W)))
+    runs = both(made._replace(weights=made.weights._replace(W=W)))
     assert runs[0].describe_status() == runs[1].describe_status()
     assert_same(runs, 1e-9)

@@ -57,7 +57,7 @@ def both(made: Case | Experiment, *arguments: object, **options: object) -> list
                 made.loop,
                 made.scenario,
                 *arguments,
-                network=made.network,
+                weights=made.weights,
                 engine=engine,
                 **options,
             )
@@ -109,8 +109,8 @@ def configured(*overrides: str, **changes: object) -> Experiment:
 @pytest.mark.parametrize("controller", ["nn", "reallocating_always"])
 def test_one_step_of_every_scenario(controller: str, scenario: str) -> None:
     made = configured(f"controller={controller}", f"scenario='{scenario}'", horizon=4e-3)
-    network = NetworkState(*(leaf + 0.2 * randn(*leaf.shape) for leaf in made.network))
-    assert_same(both(dataclasses.replace(made, network=network)), 1e-14)
+    network = NetworkState(*(leaf + 0.2 * randn(*leaf.shape) for leaf in made.weights))
+    assert_same(both(dataclasses.replace(made, weights=network)), 1e-14)
 
 
 @pytest.mark.slow
@@ -144,10 +144,10 @@ def test_330_s_of_a_switching_controller(controller: str) -> None:
 @pytest.mark.parametrize("name", ["nn", "reallocating_always_state_keys"])
 def test_diverging_and_nan_samples_stop_alone_with_time_and_cause(name: str) -> None:
     made = case(name, 0.1, batch=4)
-    W, b_v = made.network.W.clone(), made.network.b_v.clone()
+    W, b_v = made.weights.W.clone(), made.weights.b_v.clone()
     W[1] = 1e9  # feeds itself beyond every bound
     b_v[3] = 1e300  # its square overflows
-    made = made._replace(network=made.network._replace(W=W, b_v=b_v))
+    made = made._replace(weights=made.weights._replace(W=W, b_v=b_v))
     runs = both(made)
     for run in runs:
         assert run.status.tolist()[0] == run.status.tolist()[2] == 0
@@ -164,14 +164,14 @@ def test_diverging_and_nan_samples_stop_alone_with_time_and_cause(name: str) -> 
     mates = Case(
         made.loop,
         dataclasses.replace(made.scenario, start=type(start)(*(leaf[rows] for leaf in start))),
-        NetworkState(*(leaf[rows] for leaf in made.network)),
+        NetworkState(*(leaf[rows] for leaf in made.weights)),
     )
     torch.testing.assert_close(b.q[:, rows], both(mates)[1].q, rtol=0, atol=1e-12)
 
 
 def test_where_every_sample_fails_both_engines_end_there() -> None:
     made = case("nn", 0.1, batch=2)
-    made = made._replace(network=made.network._replace(W=torch.full_like(made.network.W, 1e9)))
+    made = made._replace(weights=made.weights._replace(W=torch.full_like(made.weights.W, 1e9)))
     a, b = both(made)
     assert len(a.t) == len(b.t) < len(a.step_t)
     assert torch.equal(a.t, b.t) and a.describe_status() == b.describe_status()

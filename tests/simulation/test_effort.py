@@ -13,12 +13,14 @@ ENGINES = ("torch", "compiled")
 
 def noisy(name: str, horizon: float = 0.12, rate: float | None = None) -> Case:
     made = case(name, horizon)
-    noise = mt.MeasurementNoise([1e-3, 2e-3, 0.0], 1e-2, seed=[5, 6, 5], rate=rate)
+    noise = mt.MeasurementNoise(
+        [[1e-3, 1e-2], [2e-3, 1e-2], [0.0, 1e-2]], seed=[5, 6, 5], rate=rate
+    )
     return made._replace(scenario=dataclasses.replace(made.scenario, noise=noise))
 
 
 def run(made: Case, **options: object) -> mt.Trajectory:
-    return mt.rollout(made.loop, made.scenario, network=made.network, **options)  # type: ignore[arg-type]
+    return mt.rollout(made.loop, made.scenario, weights=made.weights, **options)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -37,13 +39,13 @@ def test_effort_is_that_of_the_torques_the_controller_gave(engine: str) -> None:
                 )
             ),
         )
-        torque = mt.observe(made.loop, made.scenario, shifted).torque[:-1]
+        torque = mt.observe(made.loop, made.scenario, shifted).input[:-1]
     steps = starts.diff()
     rate = torque.diff(dim=0) / steps[:, None, None]
     mean = (rate.square() * steps[:, None, None]).sum(dim=0) / steps.sum()
-    assert torch.allclose(mt.torque_rate(trajectory), mean.sqrt(), rtol=1e-9)
+    assert torch.allclose(mt.input_rate(trajectory), mean.sqrt(), rtol=1e-9)
     late = torque[starts > 0.05 + 1e-9].abs().amax(dim=0)
-    assert torch.allclose(mt.peak_torque(trajectory), late, rtol=1e-9)
+    assert torch.allclose(mt.peak_input(trajectory), late, rtol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -62,8 +64,8 @@ def test_both_engines_agree_with_noise_effort_and_gradients(name: str, gradient:
         assert (trajectory.engine == "compiled") == (engine == "compiled")
         parts = (
             mt.srmse(trajectory),
-            1e-4 * mt.torque_rate(trajectory),
-            mt.peak_torque(trajectory),
+            1e-4 * mt.input_rate(trajectory),
+            mt.peak_input(trajectory),
         )
         sum(part.sum() for part in parts).backward()  # type: ignore[union-attr]
         found.append((trajectory.q, *parts, *(leaf.grad for leaf in free.values())))
@@ -82,25 +84,25 @@ def test_a_shorter_horizon_counts_no_later_torque() -> None:
         with torch.no_grad():
             both = run(mixed, engine=engine, effort_after=0.02)
             one = run(short, engine=engine, effort_after=0.02)
-        for metric in (mt.torque_rate, mt.peak_torque):
+        for metric in (mt.input_rate, mt.peak_input):
             assert torch.allclose(metric(both)[1], metric(one)[1], rtol=1e-6)
-        assert not torch.allclose(mt.torque_rate(both)[0], mt.torque_rate(one)[0], rtol=1e-3)
+        assert not torch.allclose(mt.input_rate(both)[0], mt.input_rate(one)[0], rtol=1e-3)
 
 
 def test_a_sample_in_a_batch_has_the_noise_it_has_alone() -> None:
     made = noisy("hard", rate=None)
     chosen = made.scenario.select([1])
-    network = type(made.network)(*(leaf[[1]] for leaf in made.network))
+    network = type(made.weights)(*(leaf[[1]] for leaf in made.weights))
     with torch.no_grad():
         whole = run(made, effort_after=0.0)
-        alone = mt.rollout(made.loop, chosen, network=network, effort_after=0.0)
+        alone = mt.rollout(made.loop, chosen, weights=network, effort_after=0.0)
     assert torch.allclose(whole.q[:, 1], alone.q[:, 0], rtol=1e-12, atol=1e-14)
-    assert torch.allclose(mt.torque_rate(whole)[1], mt.torque_rate(alone)[0], rtol=1e-10)
+    assert torch.allclose(mt.input_rate(whole)[1], mt.input_rate(alone)[0], rtol=1e-10)
 
 
 def test_effort_must_be_asked_for_and_makes_sense() -> None:
     made = case("nn", 0.02)
     with pytest.raises(mt.ConfigError, match="effort_after"):
-        mt.torque_rate(run(made))
+        mt.input_rate(run(made))
     with pytest.raises(mt.ConfigError, match="effort_after"):
         run(made, effort_after=-1.0)

@@ -15,8 +15,10 @@ import torch
 
 import mann_torch as mt
 from mann_torch.compiled.host import kernels as host
+from mann_torch.signals import Forces
+from mann_torch.simulation.conditions import Conditions
 from mann_torch.simulation.engines import compiled_engine
-from mann_torch.types import Comparison, Measurement, PlantState
+from mann_torch.types import Comparison, LoopState, Measurement
 from tests.conftest import generator, make_controller, make_loop, make_scenario
 from tests.simulation.loops import NAMES, case
 from tests.simulation.test_compiled_parity import assert_same
@@ -130,8 +132,8 @@ def test_an_adaptive_solver_runs_in_torch() -> None:
 class Drifting(mt.ClosedLoop):
     """A loop of the user's own: the measurement is off by a millimetre."""
 
-    def measure(self, state: PlantState, noise: Measurement | None) -> Measurement:
-        found = super().measure(state, noise)
+    def seen(self, state: LoopState, here: Conditions, forces: Forces | None) -> Measurement:
+        found = super().seen(state, here, forces)
         return Measurement(found.q + 1e-3, found.qd)
 
 
@@ -361,7 +363,7 @@ def test_every_controller_is_compiled_from_a_fresh_start_with_every_gradient(nam
     scenario = make_scenario(0.1, jumps=(0.05,))
     run = mt.rollout(loop, scenario, generator=generator(), batch_shape=(6,), effort_after=0.0)
     assert run.engine == "compiled", run.engine_reason
-    (mt.srmse(run).sum() + mt.torque_rate(run).sum()).backward()
+    (mt.srmse(run).sum() + mt.input_rate(run).sum()).backward()
 
 
 def test_slots_that_tie_at_the_start_do_not_send_a_run_to_the_torch_engine(tmp_path: Path) -> None:

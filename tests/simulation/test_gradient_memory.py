@@ -22,7 +22,7 @@ def gradient(horizon):
     made = side("soft", ("1",), horizon)
     controller = made.loop.controller
     free = controller.tune(*controller.constants())
-    run = mt.rollout(made.loop, made.scenario, mt.Implicit({dt}), network=made.network,
+    run = mt.rollout(made.loop, made.scenario, mt.Implicit({dt}), weights=made.weights,
                      engine="{engine}", sample_until=0.0)
     slopes = torch.autograd.grad(mt.srmse(run).sum(), free)
     assert all(bool(torch.isfinite(s).all()) for s in slopes)

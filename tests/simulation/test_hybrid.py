@@ -104,8 +104,8 @@ def test_a_batch_is_its_samples() -> None:
             alone = case("reallocating_always", 0.2, batch=3)
             row = type(start)(*(leaf[i] for leaf in start))
             object.__setattr__(alone.scenario, "start", row)
-            network = type(made.network)(*(leaf[i] for leaf in made.network))
-            run = alone._replace(network=network).run(engine="torch", gradient="hybrid")
+            network = type(made.weights)(*(leaf[i] for leaf in made.weights))
+            run = alone._replace(weights=network).run(engine="torch", gradient="hybrid")
             torch.testing.assert_close(together.q[:, i], run.q, rtol=0, atol=1e-12)
             for mine, own in zip(sequence(together), sequence(run), strict=True):
                 assert int(mine[i]) == int(own)
@@ -161,9 +161,9 @@ def test_what_cannot_be_had_is_named(options: dict, words: str) -> None:
 
 def test_a_diverging_sample_stops_alone() -> None:
     made = case("reallocating_always", 0.1, batch=3)
-    W = made.network.W.clone()
+    W = made.weights.W.clone()
     W[1] = 1e9
-    made = made._replace(network=made.network._replace(W=W))
+    made = made._replace(weights=made.weights._replace(W=W))
     (gain,) = made.loop.controller.tune("write_gain")
     run = made.run(engine="torch", gradient="hybrid")
     assert run.status.tolist()[0] == run.status.tolist()[2] == 0 and run.status[1] != 0

@@ -10,7 +10,7 @@ from torch import Tensor
 
 import mann_torch as mt
 from mann_torch.simulation.step_grid import StepGrid
-from mann_torch.types import Linearization
+from mann_torch.stiff import SecondOrderBlock
 
 
 class Follower:
@@ -28,10 +28,10 @@ class Follower:
         rate = -p * (qd - torch.cos(t)) - self.k * torch.sin(q - torch.sin(t)) - torch.sin(t)
         return torch.stack([qd, rate], dim=-1)
 
-    def linearized(self, t: Tensor, y: Tensor) -> tuple[Tensor, Linearization]:
+    def linearized(self, t: Tensor, y: Tensor) -> tuple[Tensor, SecondOrderBlock]:
         one = torch.ones(1, 1, dtype=torch.float64)
         p = self.guess * self.p
-        return self(t, y), Linearization(0 * one, p * one, -p * torch.sin(t).reshape(1))
+        return self(t, y), SecondOrderBlock(0 * one, p * one, -p * torch.sin(t).reshape(1))
 
 
 def integrate(flow: Follower, y0: list[float], end: float, h: float) -> Tensor:

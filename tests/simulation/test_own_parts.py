@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +57,7 @@ class LearnedTorque(mt.MannController):
         mode: MemoryMode | None,
     ) -> ControlOutput:
         found = super().forward(reference, measurement, state, mode)
-        return found._replace(torque=found.torque + self.extra(torch.cat(measurement, dim=-1)))
+        return found._replace(input=found.input + self.extra(torch.cat(measurement, dim=-1)))
 
 
 class Waypoints(mt.Reference):
@@ -66,38 +65,23 @@ class Waypoints(mt.Reference):
 
     def __init__(self, points: Tensor, period: float) -> None:
         super().__init__()
-        self.points = nn.Parameter(points)
-        self.period, self.n_joints = period, points.shape[-1]
+        self.points: Tensor
+        self.hold("points", points, event_dims=2)
+        self.period, self.width = period, points.shape[-1]
 
-    @property
-    def batch_shape(self) -> torch.Size:
-        return torch.Size()
-
-    def expand(self, batch_shape: Sequence[int]) -> Waypoints:
-        wide = Waypoints(self.points.detach(), self.period)
-        wide.points = self.points
-        wide.batch = tuple(batch_shape)  # type: ignore[assignment]
-        return wide
-
-    def select(self, members: Sequence[int]) -> Waypoints:
-        return self
-
-    def stack(self, references: Sequence[Any]) -> Waypoints:
-        return self
-
-    def forward(self, t: Tensor) -> ReferenceSample:
-        last = self.points.shape[0] - 2
-        piece = torch.clamp(torch.floor(t / self.period), 0, last).long()
-        s = (t / self.period - piece).clamp(0.0, 1.0).unsqueeze(-1)
-        begin, end = self.points[piece], self.points[piece + 1]
+    def at(self, t: Tensor) -> ReferenceSample:
+        last, n = self.points.shape[-2:]
+        piece = torch.clamp(torch.floor(t / self.period), 0, last - 2).long()
+        s = (t / self.period - piece).clamp(0.0, 1.0)
+        wide = torch.broadcast_shapes(piece.shape[:-1], self.points.shape[:-2])
+        points = self.points.expand(*wide, last, n)
+        index = piece.unsqueeze(-1).expand(*wide, 1, n)
+        begin, end = (points.gather(-2, index + k).squeeze(-2) for k in (0, 1))
         shape = 10 * s**3 - 15 * s**4 + 6 * s**5
         rate = (30 * s**2 - 60 * s**3 + 30 * s**4) / self.period
         bend = (60 * s - 180 * s**2 + 120 * s**3) / self.period**2
-        batch = (1,) * len(getattr(self, "batch", ()))
-        parts = (begin + (end - begin) * shape, (end - begin) * rate, (end - begin) * bend)
-        parts = (p.reshape(*t.shape, *batch, self.n_joints) for p in parts)
-        wide = (*t.shape, *getattr(self, "batch", ()), self.n_joints)
-        return ReferenceSample(*(p.expand(wide) for p in parts))
+        way = end - begin
+        return ReferenceSample(begin + way * shape, way * rate, way * bend)
 
 
 class Heun(Solver):

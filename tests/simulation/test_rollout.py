@@ -7,9 +7,11 @@ import pytest
 import torch
 
 import mann_torch as mt
+from mann_torch.signals import Surroundings
 from mann_torch.simulation import observe
+from mann_torch.simulation.conditions import Conditions
 from mann_torch.trees import map_tensors
-from mann_torch.types import LoopState, NetworkState, PlantState
+from mann_torch.types import LoopMode, LoopState, NetworkState, PlantState
 from tests.conftest import CONTROLLERS, generator, make_controller, make_loop, make_scenario
 
 
@@ -22,11 +24,11 @@ def _engine(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_batch_equals_single_runs(name: str) -> None:
     loop, scenario = make_loop(name), make_scenario(0.4, jumps=(0.2,))
-    network = loop.controller.initial_network((5,), generator())
-    together = mt.rollout(loop, scenario, network=network)
+    network = loop.controller.initial_weights((5,), generator())
+    together = mt.rollout(loop, scenario, weights=network)
     for i in range(5):
         one = NetworkState(*(leaf[i] for leaf in network))
-        alone = mt.rollout(loop, scenario, network=one)
+        alone = mt.rollout(loop, scenario, weights=one)
         torch.testing.assert_close(alone.q, together.q[:, i], rtol=0, atol=1e-12)
         mine = map_tensors(lambda leaf, i=i: leaf[:, i], together.states)
         map_tensors(
@@ -39,11 +41,11 @@ def test_batch_equals_single_runs(name: str) -> None:
 def test_stacked_scenarios_with_own_jumps_equal_single_ones() -> None:
     loop = make_loop("reallocating_initial")
     scenarios = [make_scenario(0.3, jumps=(0.1,)), make_scenario(0.4, jumps=(0.15, 0.25))]
-    network = loop.controller.initial_network((), generator())
+    network = loop.controller.initial_weights((), generator())
     solver = mt.Implicit(5e-3)  # ends a step on every jump of both
-    both = mt.rollout(loop, mt.Scenario.stack(scenarios), solver, network=network, sample_dt=0.005)
+    both = mt.rollout(loop, mt.Scenario.stack(scenarios), solver, weights=network, sample_dt=0.005)
     for i, scenario in enumerate(scenarios):
-        alone = mt.rollout(loop, scenario, solver, network=network)
+        alone = mt.rollout(loop, scenario, solver, weights=network)
         n = len(alone.t)
         torch.testing.assert_close(alone.q, both.q[:n, i], rtol=0, atol=1e-12)
         torch.testing.assert_close(mt.srmse(alone), mt.srmse(both)[i], rtol=1e-12, atol=0)
@@ -52,24 +54,25 @@ def test_stacked_scenarios_with_own_jumps_equal_single_ones() -> None:
 def test_a_jump_acts_from_its_very_time_on() -> None:
     loop = make_loop("nn")
     knot = 0.1 + 1e-4  # off the grid
-    network = loop.controller.initial_network((), generator())
-    jump = mt.rollout(loop, make_scenario(0.3, jumps=(knot,)), network=network)
-    until = mt.rollout(loop, make_scenario(knot), network=network)
+    network = loop.controller.initial_weights((), generator())
+    jump = mt.rollout(loop, make_scenario(0.3, jumps=(knot,)), weights=network)
+    until = mt.rollout(loop, make_scenario(knot), weights=network)
     k = jump.t.tolist().index(knot)
     assert torch.equal(jump.q[: k + 1], until.q)  # the same bits up to the jump
     # From the knot on: a run that starts there with the new masses.
     heavy = mt.Scenario(
         mt.Sinusoid([1.0, 0.3], [0.5, 0.7], [0.0, 0.1]), mt.arm_parameters([1.12, 3.22]), knot
     )
-    lone = mt.rollout(loop, heavy, network=network)
+    lone = mt.rollout(loop, heavy, weights=network)
     assert not torch.equal(lone.q, until.q)
     arm, t = loop.plant, jump.t[k]
     state = LoopState(
         PlantState(jump.q[k], jump.qd[k]),
         map_tensors(lambda leaf: leaf[-1], until.states.controller),
     )
+    outside = Surroundings(heavy.reference)
     rates = [
-        loop.flow(t, state, None, heavy.reference, arm.coefficients(p))[0].plant.qd
+        loop.flow(t, state, LoopMode(None), Conditions(outside, arm.coefficients(p)))[0].plant.qd
         for p in (mt.arm_parameters(), heavy.parameters)
     ]
     h = jump.t[k + 1] - t
@@ -78,7 +81,7 @@ def test_a_jump_acts_from_its_very_time_on() -> None:
 
 
 def diverging_network(loop: mt.ClosedLoop, bad: int) -> NetworkState:
-    network = loop.controller.initial_network((4,), generator())
+    network = loop.controller.initial_weights((4,), generator())
     W = torch.zeros_like(network.W)
     W[bad] = 1e9  # feeds itself beyond every bound within the first steps
     return network._replace(W=W)
@@ -89,9 +92,9 @@ def test_a_diverging_sample_is_frozen_and_spares_its_mates(solver: mt.Solver) ->
     loop, scenario = make_loop("reallocating_initial"), make_scenario(0.05)
     with torch.no_grad():
         network = diverging_network(loop, bad=2)
-        run = mt.rollout(loop, scenario, solver, network=network)
+        run = mt.rollout(loop, scenario, solver, weights=network)
         mates = mt.rollout(
-            loop, scenario, solver, network=NetworkState(*(leaf[[0, 1, 3]] for leaf in network))
+            loop, scenario, solver, weights=NetworkState(*(leaf[[0, 1, 3]] for leaf in network))
         )
     assert run.status.tolist() == [0, 0, 1, 0]
     assert run.describe_status()[2].startswith("diverged at t = ")
@@ -107,15 +110,15 @@ def test_a_diverging_sample_is_frozen_and_spares_its_mates(solver: mt.Solver) ->
 def test_even_a_sample_that_dies_from_its_first_step_leaks_no_nan(name: str) -> None:
     loop, scenario = make_loop(name), make_scenario(0.01)
     loop.controller.initialize(robust_gain=[10.0, 1e9])  # far beyond what rk4 can step
-    network = loop.controller.initial_network((2,), generator())
+    network = loop.controller.initial_weights((2,), generator())
     (gain,) = loop.controller.tune("base_gain")
     solver = mt.Odeint("rk4", dt=5e-3, max_step=2e-4)
-    run = mt.rollout(loop, scenario, solver, network=network)
+    run = mt.rollout(loop, scenario, solver, weights=network)
     assert run.status.tolist() == [0, 1]
     (with_dead,) = torch.autograd.grad(run.error[:, 0].square().sum(), gain)
     loop.controller.initialize(robust_gain=10.0)
     (gain,) = loop.controller.tune("base_gain")
-    alone = mt.rollout(loop, scenario, solver, network=NetworkState(*(x[0] for x in network)))
+    alone = mt.rollout(loop, scenario, solver, weights=NetworkState(*(x[0] for x in network)))
     (without,) = torch.autograd.grad(alone.error.square().sum(), gain)
     torch.testing.assert_close(with_dead, without, rtol=1e-9, atol=0)
 
@@ -129,7 +132,7 @@ def test_after_a_death_an_adaptive_solver_does_no_extra_work() -> None:
             return super().mass_matrix(q, coefficients)
 
     loop = mt.ClosedLoop(Counting(), make_controller("nn"))
-    network = loop.controller.initial_network((2,), generator())
+    network = loop.controller.initial_weights((2,), generator())
     W = torch.zeros_like(network.W)
     W[1] = 1e12
     counts = []
@@ -138,7 +141,7 @@ def test_after_a_death_an_adaptive_solver_does_no_extra_work() -> None:
             Counting.calls = 0
             solver = mt.Odeint("dopri5", max_evaluations=500)
             scenario = make_scenario(horizon)
-            run = mt.rollout(loop, scenario, solver, network=network._replace(W=W))
+            run = mt.rollout(loop, scenario, solver, weights=network._replace(W=W))
             assert (run.status != 0).tolist() == [False, True]
             counts.append(Counting.calls)
     assert counts[1] - counts[0] < 500  # five steps of the healthy sample alone
@@ -151,7 +154,7 @@ def test_a_dead_sample_leaks_no_nan_into_shared_gradients() -> None:
 
     def gradient(rows: list[int]) -> torch.Tensor:
         chosen = NetworkState(*(leaf[rows] for leaf in network))
-        error = mt.rollout(loop, scenario, network=chosen).error
+        error = mt.rollout(loop, scenario, weights=chosen).error
         alive = [k for k, row in enumerate(rows) if row != 0]
         return torch.autograd.grad(error[:, alive].square().sum(), gain)[0]
 
@@ -162,7 +165,7 @@ def test_a_dead_sample_leaks_no_nan_into_shared_gradients() -> None:
 def test_gradients_of_smooth_loops_match_central_differences(name: str) -> None:
     loop, scenario = make_loop(name), make_scenario(0.5, jumps=(0.25,))
     controller = loop.controller
-    network = controller.initial_network((2,), generator())
+    network = controller.initial_weights((2,), generator())
     # The W-method treats its matrix as a constant of the step: order and limit are unaffected.
     constants = ["error_gain", "base_gain", "robust_gain", "rate_W", "rate_V", "e_modification"]
     constants += ["weight_bound"] + (["write_gain"] if name == "soft" else [])
@@ -170,7 +173,7 @@ def test_gradients_of_smooth_loops_match_central_differences(name: str) -> None:
     free = controller.tune(*constants)
 
     def loss() -> torch.Tensor:
-        return mt.rollout(loop, scenario, network=network).error.square().sum()
+        return mt.rollout(loop, scenario, weights=network).error.square().sum()
 
     gradients = torch.autograd.grad(loss(), free)
     for constant, gradient in zip(free, gradients, strict=True):
@@ -191,10 +194,10 @@ def test_gradients_reach_masses_lengths_reference_and_initial_weights() -> None:
     masses = torch.tensor([0.8, 2.3], dtype=torch.float64, requires_grad=True)
     lengths = torch.tensor([1.0, 1.0], dtype=torch.float64, requires_grad=True)
     amplitude = torch.tensor([1.0, 0.2], dtype=torch.float64, requires_grad=True)
-    network = loop.controller.initial_network((), generator())
+    network = loop.controller.initial_weights((), generator())
     network = network._replace(V=network.V.clone().requires_grad_())
     scenario = mt.Scenario(mt.Sinusoid(amplitude), mt.arm_parameters(masses, lengths), 0.2)
-    run = mt.rollout(loop, scenario, network=network)
+    run = mt.rollout(loop, scenario, weights=network)
     wanted = [masses, lengths, amplitude, network.V]
     for gradient in torch.autograd.grad(mt.srmse(run).sum(), wanted):
         assert bool(torch.isfinite(gradient).all()) and bool((gradient != 0).any())
@@ -223,7 +226,7 @@ def test_reallocating_counts_and_signals_are_recorded() -> None:
     read = kept[torch.arange(len(picked)), picked]
     torch.testing.assert_close(out.signals.read, read, rtol=0, atol=0)
     torch.testing.assert_close(
-        out.signals.tracking.error, scenario.reference(run.sample_t).q - run.states.plant.q
+        out.signals.tracking.error, scenario.reference(run.sample_t).value - run.states.plant.q
     )
 
 
@@ -238,7 +241,7 @@ def test_srmse_is_the_root_mean_square_over_samples() -> None:
 def test_shapes_that_do_not_fit_are_named() -> None:
     loop, scenario = make_loop("nn"), mt.Scenario.stack([make_scenario(), make_scenario()])
     with pytest.raises(mt.ShapeError, match="broadcast"):
-        mt.rollout(loop, scenario, network=loop.controller.initial_network((3,), generator()))
+        mt.rollout(loop, scenario, weights=loop.controller.initial_weights((3,), generator()))
     with pytest.raises(mt.ConfigError, match="horizon"):
         make_scenario(float("nan"))
     with pytest.raises(mt.ConfigError, match="schedule of 'mass'"):
@@ -248,13 +251,13 @@ def test_shapes_that_do_not_fit_are_named() -> None:
 
 def test_batched_scenarios_stack_row_by_row() -> None:
     loop = make_loop("nn")
-    network = loop.controller.initial_network((), generator())
+    network = loop.controller.initial_weights((), generator())
     masses = torch.tensor([[0.8, 2.3], [1.6, 3.0]], dtype=torch.float64)
     one = mt.Scenario(mt.Sinusoid([1.0, 0.0]), mt.arm_parameters(masses), 0.1)
     two = mt.Scenario(mt.Sinusoid([0.2, 0.5]), mt.arm_parameters(masses, [1.0, 2.0]), 0.1)
-    both = mt.rollout(loop, mt.Scenario.stack([one, two]), network=network)
+    both = mt.rollout(loop, mt.Scenario.stack([one, two]), weights=network)
     for i, scenario in enumerate((one, two)):
-        alone = mt.rollout(loop, scenario, network=network)
+        alone = mt.rollout(loop, scenario, weights=network)
         torch.testing.assert_close(both.q[:, i], alone.q, rtol=0, atol=1e-12)
     with pytest.raises(mt.ConfigError, match="same batch shape"):
         mt.Scenario.stack([one, make_scenario()])
@@ -313,9 +316,9 @@ NOWHERE = torch.full((2,), math.nan, dtype=torch.float64)
             {"start": PlantState(torch.full((2,), math.nan).double(), torch.zeros(2).double())},
             "start",
         ),
-        ({"network": "V of 9 inputs"}, "initial V"),
-        ({"network": "float32"}, "float32"),
-        ({"network": "nan"}, "not all numbers are finite"),
+        ({"weights": "V of 9 inputs"}, "initial V"),
+        ({"weights": "float32"}, "float32"),
+        ({"weights": "nan"}, "not all numbers are finite"),
         ({"batch_shape": 8}, "batch_shape"),
         ({"divergence_limit": math.nan}, "divergence_limit"),
         ({"sample_until": -1.0}, "sample_until"),
@@ -324,7 +327,7 @@ NOWHERE = torch.full((2,), math.nan, dtype=torch.float64)
 )
 def test_what_does_not_fit_is_a_named_error(change: dict, words: str) -> None:
     loop = make_loop("soft")
-    good = loop.controller.initial_network((), generator())
+    good = loop.controller.initial_weights((), generator())
     networks = {
         "V of 9 inputs": good._replace(V=good.V[:9]),
         "float32": good._replace(V=good.V.float()),
@@ -332,8 +335,8 @@ def test_what_does_not_fit_is_a_named_error(change: dict, words: str) -> None:
     }
     parts = {key: value for key, value in change.items() if key in ("schedule", "start")}
     change = {key: value for key, value in change.items() if key not in parts}
-    if "network" in change:
-        change = {"network": networks[change["network"]]}
+    if "weights" in change:
+        change = {"weights": networks[change["weights"]]}
     with pytest.raises(mt.ConfigError, match=words):
         scenario = mt.Scenario(mt.Sinusoid([1.0, 0.0]), mt.arm_parameters(), 0.02, **parts)
         mt.rollout(loop, scenario, **change)

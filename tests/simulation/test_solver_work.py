@@ -58,7 +58,7 @@ def test_a_solver_evaluates_as_often_as_it_did(name: str) -> None:
     arm = Counting()
     loop = mt.ClosedLoop(arm, made.loop.controller)
     with torch.no_grad():
-        run = mt.rollout(loop, made.scenario, made.solver, network=made.network, engine="torch")
+        run = mt.rollout(loop, made.scenario, made.solver, weights=made.weights, engine="torch")
     assert run.describe_status() == ["ok"]
     per_second = arm.calls / HORIZON
     assert per_second == pytest.approx(BASELINE[name], rel=0.1)

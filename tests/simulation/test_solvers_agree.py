@@ -21,7 +21,7 @@ def final_angles(controller: str, horizon: float, solver: mt.Solver) -> torch.Te
     cfg = dataclasses.replace(cfg, horizon=horizon)
     parts = build(cfg)
     with torch.inference_mode():
-        run = mt.rollout(parts.loop, parts.scenario, solver, network=parts.network, sample_dt=0.1)
+        run = mt.rollout(parts.loop, parts.scenario, solver, weights=parts.weights, sample_dt=0.1)
     assert run.status.tolist() == [0]
     return run.states.plant.q[:, 0]
 

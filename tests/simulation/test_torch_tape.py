@@ -45,7 +45,7 @@ def test_a_tape_in_blocks_gives_the_same_derivatives(name: str, options: dict[st
     options = dict(options)
     made, free = freed(case(name, 0.4))
     if options.pop("noise", False):
-        noise = mt.MeasurementNoise(1e-3, 1e-2, seed=[1, 2, 3])
+        noise = mt.MeasurementNoise([1e-3, 1e-2], seed=[1, 2, 3])
         made = made._replace(scenario=dataclasses.replace(made.scenario, noise=noise))
     found = [
         gradients(made, free, engine="torch", tape_memory=memory, **options)
@@ -70,7 +70,7 @@ def test_effort_of_a_tape_in_blocks() -> None:
     for memory in (WHOLE, CUT):
         made, free = freed(case("soft", 0.3))
         run = made.run(engine="torch", tape_memory=memory, effort_after=0.1)
-        effort = mt.torque_rate(run).sum() + mt.peak_torque(run).sum()
+        effort = mt.input_rate(run).sum() + mt.peak_input(run).sum()
         found.append(torch.autograd.grad(effort, [free["base_gain"], free["masses"]]))
     for mine, other in zip(*found, strict=True):
         assert bool(mine.any())
@@ -248,9 +248,9 @@ def test_a_sample_that_diverges_leaves_its_mates_their_gradients() -> None:
     found = []
     for memory in (WHOLE, CUT):
         made = case("soft", 0.3)
-        W = made.network.W.clone()
+        W = made.weights.W.clone()
         W[1] = 1e9
-        made = made._replace(network=made.network._replace(W=W))
+        made = made._replace(weights=made.weights._replace(W=W))
         (gain,) = made.loop.controller.tune("write_gain")
         run = made.run(engine="torch", tape_memory=memory)
         assert run.status[1] != 0 and run.status[0] == run.status[2] == 0

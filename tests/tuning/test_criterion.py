@@ -146,7 +146,7 @@ def test_a_sample_that_diverged_is_flat_and_leaves_no_nan_in_a_gradient() -> Non
     with constants_at(controller, {"rate_W": gain}):
         free = controller.constant("rate_W").requires_grad_(True)
         run = mt.rollout(
-            made.loop, made.scenario, made.solver, network=made.network, divergence_limit=1e4
+            made.loop, made.scenario, made.solver, weights=made.weights, divergence_limit=1e4
         )
         assert run.status.tolist() == [0, 1, 0]
         found = criterion.measure(run)

@@ -68,7 +68,7 @@ def ensemble(engine: str = "torch", horizon: float | list[float] = HORIZON) -> E
     arm = mt.arm_parameters([0.8, 2.3])
     one = mt.Scenario(mt.Sinusoid([0.3, 0.2], [1.5, 1.0]), arm, 1.0)
     scenario = dataclasses.replace(mt.Scenario.stack([one] * B), horizon=horizon)
-    network = loop.controller.initial_network((B,), generator(3))
+    network = loop.controller.initial_weights((B,), generator(3))
     return Ensemble(loop, scenario, network, mt.Implicit(), effort_after=None, engine=engine)
 
 
@@ -78,7 +78,7 @@ def coordinates_of(made: Ensemble) -> Coordinates:
 
 def whole(made: Ensemble, **options: object) -> mt.Trajectory:
     """Everything kept, by `rollout` itself."""
-    options = {"network": made.network, "engine": made.engine, **options}
+    options = {"weights": made.weights, "engine": made.engine, **options}
     return mt.rollout(made.loop, made.scenario, made.solver, **options)  # type: ignore[arg-type]
 
 
@@ -187,7 +187,7 @@ def test_an_outcome_has_all_that_metrics_read() -> None:
         full, outcome = made.run({}), made.run({}, recording=TOTALS)
         motion = made.run({}, recording=Recording(motion_dt=0.3, sample_until=0.0))
     assert type(full) is mt.Trajectory and type(outcome) is mt.Outcome
-    for metric in (mt.srmse, mt.torque_rate, mt.peak_torque, mt.reallocations, mt.switches):
+    for metric in (mt.srmse, mt.input_rate, mt.peak_input, mt.reallocations, mt.switches):
         for run in (outcome, motion, full.outcome, full.motion):
             assert torch.equal(metric(run), metric(full))
     assert outcome.describe_status() == ["ok"] * B and "Outcome(" in repr(outcome)

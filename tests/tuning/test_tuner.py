@@ -31,14 +31,14 @@ NAMES = ["error_gain", "rate_W", "write_gain"]
 def ensemble(name: str = "hard", horizon: float = 0.08) -> Ensemble:
     loop = make_loop(name)
     one = make_scenario(horizon, jumps=(0.5 * horizon,))
-    noise = mt.MeasurementNoise(1e-4, 1e-3)
+    noise = mt.MeasurementNoise([1e-4, 1e-3])
     scenario = mt.Scenario.stack(
         [
             mt.Scenario(one.reference, one.parameters, horizon, one.schedule, noise=noise)
             for _ in range(B)
         ]
     )
-    network = loop.controller.initial_network((B,), generator(3))
+    network = loop.controller.initial_weights((B,), generator(3))
     # The torch engine has nothing to compile; the compiled engine's effort has tests of its own.
     return Ensemble(loop, scenario, network, mt.Implicit(), effort_after=0.02, engine="torch")
 
