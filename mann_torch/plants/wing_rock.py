@@ -33,9 +33,9 @@ _FIELDS = {"weights": Field(CHOWDHARY_JOHNSON, Finite(), "1/s^2")}
 class WingRock(Plant):
     """Roll angle x1 [rad] and rate x2 [rad/s] of a wing: dx1/dt = x2, dx2/dt = u + W' phi(x).
 
-    phi = (1, x1, x2, |x1| x2, |x2| x2, x1^3). The default weights are `CHOWDHARY_JOHNSON`, whose
-    roll is in degrees where that of the other set, `ELZEBDA`, is in radians and its own time.
-    Source: Chowdhary and Johnson 2010. The state is measured, the angle is to follow the reference.
+    phi = (1, x1, x2, |x1| x2, |x2| x2, x1^3). The default weights are `CHOWDHARY_JOHNSON`; those of
+    `ELZEBDA` have a limit cycle without input, of amplitude 0.6076 and period 56.137. Source:
+    Chowdhary and Johnson 2010. The state is measured, the angle is to follow the reference.
     """
 
     Parameters = WingRockParameters

@@ -92,6 +92,16 @@ def check_engines(name: str) -> None:
     assert errors[1] <= 1e-4 and errors[1] <= max(errors[0] / 10.0, 1e-9)
 
 
+def gradient(name: str, engine: str) -> Tensor:
+    """Of the plant's end by all its parameters."""
+    loop, scenario = setting(name)
+    rows = [row.clone().requires_grad_() for row in scenario.parameters]
+    scenario = mt.Scenario(scenario.reference, type(scenario.parameters)(*rows), 0.2)
+    end = final(mt.rollout(loop, scenario, mt.Implicit(0.004), engine=engine))
+    found = torch.autograd.grad(end.square().sum(), rows, materialize_grads=True)
+    return torch.cat(found)
+
+
 @pytest.mark.parametrize("name", ["flexible_joint_arm", "planar_quadrotor", "rohrs", "wing_rock"])
 def test_engines_agree_with_each_other_and_with_scipy(name: str) -> None:
     check_engines(name)
@@ -101,6 +111,14 @@ def test_engines_agree_with_each_other_and_with_scipy(name: str) -> None:
 @pytest.mark.parametrize("name", PLANTS_TO_CHECK)
 def test_engines_agree_for_every_plant(name: str) -> None:
     check_engines(name)
+    by_torch, compiled = (gradient(name, engine) for engine in ("torch", "compiled"))
+    assert float((by_torch - compiled).abs().max()) <= 1e-12 * float(by_torch.abs().max())
+    assert float(by_torch.abs().max()) > 1e-4
+
+
+def test_gradients_of_both_engines_agree() -> None:
+    by_torch, compiled = (gradient("n_link_arm", engine) for engine in ("torch", "compiled"))
+    torch.testing.assert_close(by_torch, compiled, rtol=1e-11, atol=1e-12)
 
 
 def test_wind_reaches_the_quadrotor() -> None:
