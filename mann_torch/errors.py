@@ -37,6 +37,10 @@ class WeightsFileError(ConfigError):
     """A file of initial weights is missing, unreadable or does not fit."""
 
 
+class ReferenceFileError(ConfigError):
+    """A file of samples of a reference is missing, unreadable or does not fit."""
+
+
 class SolverError(MannError, RuntimeError):
     """An integration could not be carried on; the message names time and cause."""
 

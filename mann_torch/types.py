@@ -44,12 +44,17 @@ class ReferenceSample(NamedTuple):
     #: (..., p) what a reference model is told to follow, where the value is the model's output.
     command: Tensor | None = None
 
+    @property
+    def parts(self) -> tuple[Tensor | None, ...]:
+        """The value and its derivatives, None where there is none."""
+        return self[:5]
+
     def upto(self, order: int) -> tuple[Tensor, ...]:
         """The value and its first `order` derivatives. Raises `InterfaceError` if one is not there.
 
         `reference_order` of a controller says how many it asks for: a loop checks that.
         """
-        found = tuple(part for part in self[:-1][: order + 1] if part is not None)
+        found = tuple(part for part in self.parts[: order + 1] if part is not None)
         if len(found) <= order:
             raise InterfaceError(
                 f"derivative {order} of the reference is asked for, it has {len(found) - 1}: "

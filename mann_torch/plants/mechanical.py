@@ -32,6 +32,7 @@ class MechanicalPlant(Plant):
        and `inputs` names them.
     4. What is measured are positions and velocities: of all coordinates, or of those that `sensing`
        names, and the output is a part of q, unless `output` says otherwise.
+    5. Where there is a `regressor`, one theta gives M a + C v + N from it everywhere.
     """
 
     Input: ClassVar[type] = Torque

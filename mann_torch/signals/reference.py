@@ -5,13 +5,11 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 
-import torch
 from torch import Tensor
 
-from ..functional import Numbers
 from ..interface import Interface
 from ..types import ReferenceSample
-from .rows import Rows, broadcast
+from .rows import Rows
 
 #: A signal as the closed loop calls it: its `forward`, or its `aligned`.
 Sampler = Callable[[Tensor], ReferenceSample]
@@ -43,32 +41,3 @@ class Reference(Interface, Rows):
     def aligned(self, t: Tensor) -> ReferenceSample:
         """Each sample at a time of its own: t (...,) [s] of the batch shape; members (..., p)."""
         return self.at(t.unsqueeze(-1))
-
-
-class Sinusoid(Reference):
-    """s_j(t) = offset_j + amplitude_j sin(frequency_j t), [rad] and [rad/s].
-
-    Each argument is (..., p) or broadcasts to it; tensors that require grad receive gradients.
-    Raises `ConfigError` for values that are not finite, `ShapeError` if no size p is given.
-    """
-
-    def __init__(self, amplitude: Numbers, frequency: Numbers = 0.5, offset: Numbers = 0.0) -> None:
-        super().__init__()
-        self.amplitude: Tensor
-        self.frequency: Tensor
-        self.offset: Tensor
-        given = broadcast("reference", amplitude=amplitude, frequency=frequency, offset=offset)
-        for name, rows in given.items():
-            self.hold(name, rows)
-        self.width = self.amplitude.shape[-1]
-
-    @property
-    def _kind(self) -> str:
-        return "reference"
-
-    def at(self, t: Tensor) -> ReferenceSample:
-        """s, ds/dt, d2s/dt2."""
-        phase = self.frequency * t
-        swing = self.amplitude * torch.sin(phase)
-        rate = self.amplitude * self.frequency * torch.cos(phase)
-        return ReferenceSample(self.offset + swing, rate, -self.frequency * self.frequency * swing)

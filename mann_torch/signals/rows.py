@@ -9,7 +9,7 @@ from typing import Any, Self
 import torch
 from torch import Tensor, nn
 
-from ..checks import several, sizes
+from ..checks import several, sizes, wrong
 from ..errors import ConfigError, ShapeError
 from ..functional import Numbers, as_float64
 
@@ -31,17 +31,27 @@ class Rows(nn.Module):
         Raises `ConfigError` for what is not finite, unless `finite` is False, `KindError`,
         `DtypeError`, or `ShapeError` for fewer than `event_dims` dimensions.
         """
-        rows = as_float64(value, name)
-        if finite and not bool(torch.isfinite(rows).all()):
-            raise ConfigError(f"{self._kind} {name} = {rows.tolist()}: must be finite")
+        what = f"{self._kind} {name}"
+        rows = finite_rows(what, value) if finite else as_float64(value, what)
         if rows.dim() < event_dims:
             raise ShapeError(
                 f"{self._kind} {name} has shape {tuple(rows.shape)}: give at least {event_dims} "
-                "dimensions"
+                f"dimension{'s' * (event_dims != 1)}"
             )
         self._event_dims[name] = event_dims
         self.register_buffer(name, rows)
         return rows
+
+    def share_batch(self) -> None:
+        """Write out the batch dimensions of all rows that are held. Raises `ShapeError`."""
+        batch = self.batch_shape
+        for name, rows in self.held().items():
+            setattr(self, name, rows.expand(*batch, *self._event(name)))
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in vars(self).get("_event_dims", ()) and not isinstance(value, Tensor):
+            raise wrong(f"{self._kind} {name}", value, "a tensor")
+        super().__setattr__(name, value)
 
     @property
     def _kind(self) -> str:
@@ -52,7 +62,8 @@ class Rows(nn.Module):
         return {name: getattr(self, name) for name in self._event_dims}
 
     def _parts(self) -> dict[str, Rows]:
-        return {name: part for name, part in self.named_children() if isinstance(part, Rows)}
+        # Not `named_children`: it leaves out a part that is there twice.
+        return {name: part for name, part in self._modules.items() if isinstance(part, Rows)}
 
     @property
     def batch_shape(self) -> torch.Size:
@@ -67,34 +78,61 @@ class Rows(nn.Module):
             ) from None
 
     def expand(self, batch_shape: Sequence[int]) -> Self:
-        """The same with leading batch dimensions `batch_shape`."""
+        """The same with leading batch dimensions `batch_shape`.
+
+        Raises `KindError`, or `ShapeError` where rows do not expand to it.
+        """
         shape = sizes("batch_shape", batch_shape)
-        return self._changed(
-            lambda name, rows: rows.expand(*shape, *self._event(name)), "expand", shape
-        )
+
+        def wide(name: str, rows: Tensor) -> Tensor:
+            try:
+                return rows.expand(*shape, *self._event(name))
+            except RuntimeError:
+                have = tuple(self.batch_shape)
+                raise ShapeError(
+                    f"{self._kind} of batch shape {have} does not expand to {shape}"
+                ) from None
+
+        return self._changed(wide, "expand", shape)
 
     def select(self, members: Sequence[int]) -> Self:
-        """Some members of the first batch dimension, which every row must have."""
+        """Some members of the first batch dimension, which every row must have.
+
+        Raises `KindError`, or `ShapeError` where a row has none or not so many.
+        """
         chosen = list(sizes("members", members, False, signed=True))
-        return self._changed(lambda name, rows: rows[chosen], "select", chosen)
+
+        def some(name: str, rows: Tensor) -> Tensor:
+            batch = rows.dim() - self._event_dims[name]
+            if batch < 1 or any(not -len(rows) <= i < len(rows) for i in chosen):
+                raise ShapeError(
+                    f"{self._kind} {name} has batch shape {tuple(rows.shape[:batch])}: it has no "
+                    f"members {chosen}"
+                )
+            return rows[chosen]
+
+        return self._changed(some, "select", chosen)
 
     def stack(self, others: Sequence[Any]) -> Self:
-        """These, `others` alike and of equal shapes, in one with a new leading batch dimension.
+        """`others`, of this class, alike and of equal shapes, in one with a new leading dimension.
 
-        Raises `KindError`, or `ConfigError` where they differ in anything but their rows.
+        Raises `KindError`, or `ConfigError` for none, or where they differ in more than numbers.
         """
         same = several("others", others, type(self))
+        if not same:
+            raise ConfigError(f"{self._kind}: give at least one to stack")
         for other in same:
-            if self.form() != other.form():
+            if other.form() != same[0].form():
                 raise ConfigError(f"{self._kind}: only those alike but for their rows stack")
-        return self._changed(
+        return same[0]._changed(
             lambda name, _: torch.stack([getattr(other, name) for other in same]), "stack", same
         )
 
     def form(self) -> Any:
         """What modules to be stacked have in common."""
         plain = {k: v for k, v in vars(self).items() if not k.startswith("_")}
-        return type(self), plain, {name: part.form() for name, part in self._parts().items()}
+        shapes = {name: rows.shape for name, rows in self.held().items()}
+        return type(self), plain, shapes, {n: part.form() for n, part in self._parts().items()}
 
     def _event(self, name: str) -> torch.Size:
         rows = self.held()[name]
@@ -115,6 +153,17 @@ class Rows(nn.Module):
         return twin
 
 
+def finite_rows(what: str, value: Numbers) -> Tensor:
+    """Numbers as a tensor. Raises `ConfigError` for what is not finite, `KindError`, `DtypeError`.
+
+    A tensor that requires grad is passed through.
+    """
+    rows = as_float64(value, what)
+    if not bool(torch.isfinite(rows).all()):
+        raise ConfigError(f"{what} = {rows.tolist()}: must be finite")
+    return rows
+
+
 def broadcast(kind: str, **given: Numbers) -> dict[str, Tensor]:
     """Rows (..., p) that broadcast with each other, written out. Raises `ShapeError`."""
     tensors = {name: as_float64(value, f"{kind} {name}") for name, value in given.items()}
@@ -126,3 +175,14 @@ def broadcast(kind: str, **given: Numbers) -> dict[str, Tensor]:
     if wide[0].dim() < 1:
         raise ShapeError(f"{kind}: give at least one of its values per output")
     return dict(zip(given, wide, strict=True))
+
+
+def spread(what: str, value: Numbers, event: Sequence[int]) -> Tensor:
+    """Rows (..., *event) of numbers that broadcast to them. Raises `ShapeError`."""
+    given = as_float64(value, what)
+    batch = given.shape[: max(0, given.dim() - len(event))]
+    try:
+        return given.expand(*batch, *event)
+    except RuntimeError:
+        wanted = ", ".join(map(str, event))
+        raise ShapeError(f"{what} has shape {tuple(given.shape)}: give (..., {wanted})") from None

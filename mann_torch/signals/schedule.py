@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import torch
 from torch import Tensor
 
-from ..checks import number, several, whole, wrong
+from ..checks import number, several, whole
 from ..errors import ConfigError, ShapeError
 from ..functional import Numbers, as_float64
+from .pieces import begun, row_at
+from .rows import Rows
 
 
-class PiecewiseConstant:
+class PiecewiseConstant(Rows):
     """Value `values[..., k, :]` from `times[..., k-1]` (included) to `times[..., k]` (excluded).
 
     `times` (..., K) [s] increase and are > 0; inf pads a sample with fewer jumps. `values`
@@ -21,15 +24,24 @@ class PiecewiseConstant:
     """
 
     def __init__(self, times: Numbers, values: Numbers) -> None:
-        self.times = as_float64(times, "schedule times").detach()
-        self.values = as_float64(values, "schedule values")
+        super().__init__()
+        self.times: Tensor
+        self.values: Tensor
+        self.hold("times", as_float64(times, "schedule times").detach(), finite=False)
+        self.hold("values", values, 2, finite=False)
         self.check()
+
+    @property
+    def _kind(self) -> str:
+        return "schedule"
+
+    def form(self) -> Any:
+        """Numbers of jumps may differ: `stack` pads."""
+        return type(self), self.batch_shape, self.values.shape[-1]
 
     def check(self, name: str = "schedule") -> None:
         """Raise, as on making, for times and values that do not fit (any more)."""
-        for what, tensor in (("times", self.times), ("values", self.values)):
-            if not isinstance(tensor, Tensor):
-                raise wrong(f"{name} {what}", tensor, "a tensor")
+        for what, tensor in self.held().items():
             as_float64(tensor, f"{name} {what}")
         if self.values.dim() != self.times.dim() + 1 or (
             self.values.shape[:-1] != (*self.times.shape[:-1], self.times.shape[-1] + 1)
@@ -46,11 +58,6 @@ class PiecewiseConstant:
         ):
             raise ConfigError(f"{name} times {self.times.tolist()}: must increase from > 0")
 
-    @property
-    def batch_shape(self) -> torch.Size:
-        """Leading batch dimensions `...`."""
-        return self.times.shape[:-1]
-
     def knots(self) -> list[float]:
         """All jump times of all samples, sorted, each once [s]."""
         finite = self.times[torch.isfinite(self.times)]
@@ -58,26 +65,23 @@ class PiecewiseConstant:
 
     def at(self, t: Tensor) -> Tensor:
         """Values in force at times t [s]: (*t.shape, ..., d)."""
-        t = t.reshape(t.shape + (1,) * self.times.dim())
-        index = (self.times <= t).sum(dim=-1)
-        batch = index.shape
-        values = self.values.expand(*batch, *self.values.shape[-2:])
-        index = index[..., None, None].expand(*batch, 1, values.shape[-1])
-        return values.gather(-2, index).squeeze(-2)
+        return self.in_force(t.reshape(t.shape + (1,) * self.times.dim()))
 
-    def expand(self, batch_shape: Sequence[int]) -> PiecewiseConstant:
-        """The same schedule with leading batch dimensions `batch_shape`."""
-        times = self.times.expand(*batch_shape, self.times.shape[-1])
-        return PiecewiseConstant(times, self.values.expand(*batch_shape, *self.values.shape[-2:]))
-
-    def select(self, members: Sequence[int]) -> PiecewiseConstant:
-        """Some members of the first batch dimension."""
-        return PiecewiseConstant(self.times[list(members)], self.values[list(members)])
+    def in_force(self, t: Tensor) -> Tensor:
+        """Values in force (..., d) at times t (..., 1) [s] that broadcast with the batch shape."""
+        return row_at(self.values, begun(self.times, t))
 
     @staticmethod
-    def stack(schedules: Sequence[PiecewiseConstant]) -> PiecewiseConstant:
-        """One schedule with a new leading batch dimension; shorter ones are padded."""
+    def stack(
+        schedules: Sequence[PiecewiseConstant],
+    ) -> PiecewiseConstant:
+        """One schedule with a new leading batch dimension; shorter ones are padded.
+
+        Raises `KindError`, or `ConfigError` for none, or where batch shapes or widths differ.
+        """
         schedules = several("schedules", schedules, PiecewiseConstant)
+        if len({schedule.form()[1:] for schedule in schedules}) != 1:
+            raise ConfigError("schedules to stack: at least one, of one batch shape and one width")
         longest = max(schedule.times.shape[-1] for schedule in schedules)
         times, values = [], []
         for schedule in schedules:

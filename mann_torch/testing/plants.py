@@ -13,14 +13,15 @@ from ..plants import MechanicalPlant, Plant
 from ..stiff import FirstOrderBlock, SecondOrderBlock, StiffBlock
 from ..trees import leaves
 from ..types import InputGains
-from .bench import ROUNDING, SAMPLES, Bench, apart, bench, broken, called
-from .gradients import check_gradients
-from .mechanical import check_forces, check_physics
+from .mechanical_plants import check_forces, check_physics
+from .plant_bench import ROUNDING, SAMPLES, Bench, apart, bench, called
 from .plant_forms import check_forms, check_names, check_rest
+from .plant_gradients import check_gradients
+from .telling import broken
 
 
 def check_plant(plant: Plant, parameters: Any = None, states: Any = None) -> None:
-    """Raise `InterfaceError` where a plant breaks its contract; it says where and what to mend.
+    """Raise `InterfaceError` where a plant breaks a line of its contract, which it names.
 
     `parameters` (rows (d,), the defaults if None) are tried with variations of a hundredth;
     `states`, its fields (8, d), are needed where the plant has no sense at random ones about its
@@ -30,7 +31,7 @@ def check_plant(plant: Plant, parameters: Any = None, states: Any = None) -> Non
     instance("plant", plant, Plant)
     check_names(plant)
     if parameters is None:
-        parameters = called(plant, "parameters_of() with the defaults", plant.parameters_of)
+        parameters = called(plant, 4, "parameters_of() with the defaults", plant.parameters_of)
     else:
         plant.check(parameters)
     check_rest(plant)
@@ -53,16 +54,19 @@ def _check_purity(b: Bench) -> None:
     held = {name: tensor.clone() for name, tensor in _tensors(plant).items()}
     first = [leaf.clone() for leaf in leaves(b.derivative())]
     if not all(map(torch.equal, given, b.arguments())):
-        raise broken(plant, "derivative writes into its arguments", "compute new tensors")
+        raise broken(plant, 3, "derivative writes into its arguments", "compute new tensors")
     count = len(leaves(b.state))
     b.of([x + 0.1 if i < count else x for i, x in enumerate(given)]).derivative()
     second = leaves(b.derivative())
     for name, tensor in _tensors(plant).items():
         if name not in held or not torch.equal(tensor, held[name]):
-            raise broken(plant, f"derivative changes {name}", "what changes is state, not module")
+            raise broken(
+                plant, 3, f"derivative changes {name}", "what changes is state, not module"
+            )
     if not all(map(torch.equal, first, second)):
         raise broken(
             plant,
+            3,
             "derivative gives other numbers for the same arguments",
             "it must depend on its arguments alone: no random numbers, nothing kept between calls",
         )
@@ -77,21 +81,26 @@ def _check_batch(b: Bench) -> None:
     """A sample of a batch is what it is alone, and batches may have several dimensions."""
     together = leaves(b.derivative())
     for i in range(SAMPLES):
-        alone = leaves(called(b.plant, "derivative of a single state", b.sample(i).derivative))
+        alone = leaves(called(b.plant, 3, "derivative of a single state", b.sample(i).derivative))
         row = [leaf[i] for leaf in together]
         if any(a.shape != r.shape for a, r in zip(alone, row, strict=True)):
-            raise broken(b.plant, "derivative of a single state is no row", "allow no batch at all")
+            raise broken(
+                b.plant, 3, "derivative of a single state is no row", "allow no batch at all"
+            )
         if apart(alone, row) > ROUNDING:
             raise broken(
                 b.plant,
+                3,
                 f"sample {i} of a batch has another derivative than the same state alone",
                 "samples must not mix: work along the last dimensions only",
             )
     folded = b.of([x.unflatten(0, (2, -1)) for x in b.arguments()])
     folded = folded._replace(t=b.t.unflatten(0, (2, -1)))
-    grid = leaves(called(b.plant, "derivative of a batch (2, 4)", folded.derivative))
+    grid = leaves(called(b.plant, 3, "derivative of a batch (2, 4)", folded.derivative))
     if apart([x.flatten(0, 1) for x in grid], together) > ROUNDING:
-        raise broken(b.plant, "a batch (2, 4) has another derivative", "count dimensions from last")
+        raise broken(
+            b.plant, 3, "a batch (2, 4) has another derivative", "count dimensions from last"
+        )
 
 
 def _check_transformed(b: Bench) -> None:
@@ -108,13 +117,14 @@ def _check_transformed(b: Bench) -> None:
     moved = [*leaves(b.state), b.u, *wind]
     mapped = called(
         b.plant,
+        3,
         "derivative under torch.func.vmap (decide by torch.where, without .item() or bool())",
         lambda: torch.func.vmap(rate)(b.t, *moved),
     )
     for i in range(SAMPLES):
         alone = rate(b.t[i], *[x[i] for x in moved])
         if apart([leaf[i] for leaf in mapped], alone) > ROUNDING:
-            raise broken(b.plant, "derivative differs under torch.func.vmap", "use torch.where")
+            raise broken(b.plant, 3, "derivative differs under torch.func.vmap", "use torch.where")
 
 
 def _check_linearized(b: Bench) -> None:
@@ -126,15 +136,16 @@ def _check_linearized(b: Bench) -> None:
     gains = InputGains(ones, ones[..., 0])
     for what, given in (("a held input", None), ("gains", gains)):
         call = partial(b.plant.linearized, b.t, b.state, u, b.disturbance, c, given)
-        found, block = called(b.plant, f"linearized with {what}", call)
+        found, block = called(b.plant, 6, f"linearized with {what}", call)
         if apart(leaves(found), rate) > ROUNDING:
             raise broken(
                 b.plant,
+                6,
                 f"linearized with {what} gives another derivative than `derivative`",
                 "its first result is the derivative itself; only the block may be approximate",
             )
         if block is not None and not isinstance(block, FirstOrderBlock | SecondOrderBlock):
-            raise broken(b.plant, f"linearized with {what} gives no stiff block", "or give None")
+            raise broken(b.plant, 6, f"linearized with {what} gives no stiff block", "or give None")
         _check_block(b, block, sum(leaf.shape[-1] for leaf in rate))
 
 
@@ -148,6 +159,7 @@ def _check_block(b: Bench, block: StiffBlock | None, width: int) -> None:
         if value.shape[-dims:] != (wide,) * dims or value.dim() > 1 + dims:
             raise broken(
                 b.plant,
+                6,
                 f"{part} of the stiff block has shape {tuple(value.shape)}",
                 f"it goes with a state of {width} numbers: (..., {', '.join([str(wide)] * dims)})",
             )

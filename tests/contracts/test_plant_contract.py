@@ -188,7 +188,7 @@ BROKEN: dict[str, tuple[Callable[[], Plant], str]] = {
     ),
     "a rate that fails on batches": (
         lambda: other_derivative(lambda self, level, u, area: u @ level),
-        "derivative of a batch of states fails with RuntimeError",
+        "derivative of a batch of states fails; RuntimeError",
     ),
     "an output of another width": (
         lambda: changed(output=lambda self, state, c: state.level[..., 0]),
@@ -259,7 +259,7 @@ BROKEN: dict[str, tuple[Callable[[], Plant], str]] = {
 @pytest.mark.parametrize("name", BROKEN)
 def test_a_broken_plant_is_refused_by_what_is_wrong(name: str) -> None:
     make, said = BROKEN[name]
-    with pytest.raises(InterfaceError, match=f"(?s)Broken: .*{said}"):
+    with pytest.raises(InterfaceError, match=rf"(?s)Broken, contract line \d: .*{said}"):
         check_plant(make())
 
 
@@ -332,16 +332,16 @@ class FarSeeingArm(TwoLinkArm):
         (TurnedArm, "C qd is not what Lagrange"),
         (LopsidedArm, "mass_matrix is not symmetric"),
         (LightArm, "mass_matrix is not positive definite"),
-        (DrivenArm, "energy grows faster"),
-        (WeightlessArm, "energy grows faster"),
+        (DrivenArm, ".*energy grows faster"),
+        (WeightlessArm, ".*energy grows faster"),
         (MisreadArm, "no theta gives"),
         (PushedCart, r"1 inputs meet an input_matrix \(2, 2\)"),
         (FlatArm, r"energy has shape \(8, 1\)"),
-        (FirstOrderArm, r"no PlantState of n_joints = 2"),
+        (FirstOrderArm, r"rest.* no PlantState of n_joints = 2"),
     ],
 )
 def test_broken_physics_is_refused_by_what_is_wrong(plant: type[Plant], said: str) -> None:
-    with pytest.raises(InterfaceError, match=said):
+    with pytest.raises(InterfaceError, match=rf"contract line \d of a MechanicalPlant: {said}"):
         check_plant(plant())
 
 

@@ -96,7 +96,6 @@ CHANGES: dict[str, tuple[Callable[[mt.PiecewiseConstant], object], type[mt.Confi
     "float32 times": (_set("times", Tensor.float), mt.DtypeError, "'masses': times is .*32"),
     "times cut": (_set("times", lambda t: t[:1]), mt.ShapeError, "one value row more"),
     "values cut": (_set("values", lambda v: v[:, :1]), mt.ShapeError, "masses has shape"),
-    "a list": (_set("times", Tensor.tolist), mt.KindError, "'masses': times = "),
 }
 
 

@@ -11,8 +11,11 @@ from torch import Tensor
 from ..functional import times_column
 from ..plants import MechanicalPlant
 from ..types import PlantState
-from .bench import ROUNDING, SAMPLES, Bench, apart, broken, called
+from .plant_bench import ROUNDING, SAMPLES, Bench, apart, called
+from .telling import broken
 
+#: Lines of the contract of `MechanicalPlant`.
+FORCES, KEPT, DRIVEN, SENSED, REGRESSOR = (f"{i} of a MechanicalPlant" for i in range(1, 6))
 #: Of the largest term: what rounding may do to a sum of powers or to skew-symmetry.
 BALANCE = 1e-9
 
@@ -22,9 +25,13 @@ def check_forces(b: Bench) -> None:
     plant = cast(MechanicalPlant, b.plant)
     c, state, n = b.coefficients, b.state, plant.n_joints
     if not isinstance(state, PlantState) or state.q.shape[-1] != n:
-        raise broken(plant, f"rest() is no PlantState of n_joints = {n} coordinates", "q, qd (n,)")
+        raise broken(
+            plant, SENSED, f"rest() is no PlantState of n_joints = {n} coordinates", "q, qd (n,)"
+        )
     if plant.sensing is not None and not set(plant.sensing) <= set(range(n)):
-        raise broken(plant, f"sensing = {plant.sensing}", f"name coordinates from 0 to {n - 1}")
+        raise broken(
+            plant, SENSED, f"sensing = {plant.sensing}", f"name coordinates from 0 to {n - 1}"
+        )
     forces: tuple[tuple[str, Callable[[], Tensor], tuple[int, ...]], ...] = (
         ("mass_matrix", lambda: plant.mass_matrix(state.q, c), (n, n)),
         ("coriolis", lambda: plant.coriolis(state.q, state.qd, c), (n, n)),
@@ -32,15 +39,21 @@ def check_forces(b: Bench) -> None:
         ("energy", lambda: plant.energy(state, c), ()),
     )
     for what, call, shape in forces:
-        found = called(plant, f"{what} of a batch of states", call)
+        found = called(plant, FORCES, f"{what} of a batch of states", call)
         if found.shape != (SAMPLES, *shape):
             wanted = ", ".join(["...", *map(str, shape)])
-            raise broken(plant, f"{what} has shape {tuple(found.shape)}", f"give ({wanted})")
-    B, m = called(plant, "input_matrix", lambda: plant.input_matrix(state.q, c)), len(plant.inputs)
+            raise broken(
+                plant, FORCES, f"{what} has shape {tuple(found.shape)}", f"give ({wanted})"
+            )
+    B, m = (
+        called(plant, DRIVEN, "input_matrix", lambda: plant.input_matrix(state.q, c)),
+        len(plant.inputs),
+    )
     sizes = (n, n) if B is None else tuple(B.shape[-2:])
     if sizes != (n, m):
         raise broken(
             plant,
+            DRIVEN,
             f"{m} inputs meet an input_matrix {sizes}",
             f"input_matrix must give B(q) (..., {n}, {m}); None is the identity",
         )
@@ -51,9 +64,13 @@ def check_physics(b: Bench) -> None:
     plant, c = cast(MechanicalPlant, b.plant), b.coefficients
     M = plant.mass_matrix(b.state.q, c)
     if apart([M], [M.mT]) > ROUNDING:
-        raise broken(plant, "mass_matrix is not symmetric", "M is the kinetic energy's matrix")
+        raise broken(
+            plant, FORCES, "mass_matrix is not symmetric", "M is the kinetic energy's matrix"
+        )
     if not bool((torch.linalg.eigvalsh(M) > 0).all()):
-        raise broken(plant, "mass_matrix is not positive definite", "each motion has inertia")
+        raise broken(
+            plant, FORCES, "mass_matrix is not positive definite", "each motion has inertia"
+        )
     _check_coriolis(b, plant, c)
     _check_power(b, plant, c)
     _check_regressor(b, plant, c)
@@ -75,6 +92,7 @@ def _check_coriolis(b: Bench, plant: MechanicalPlant, c: object) -> None:
     if float((S + S.mT).abs().max()) > BALANCE * scale:
         raise broken(
             plant,
+            FORCES,
             "dM/dt - 2 C is not skew-symmetric",
             "take C from Christoffel's symbols of M: laws of control count on it",
         )
@@ -83,6 +101,7 @@ def _check_coriolis(b: Bench, plant: MechanicalPlant, c: object) -> None:
     if apart([times_column(C, qd)], [owed]) > BALANCE:
         raise broken(
             plant,
+            FORCES,
             "C qd is not what Lagrange's equations make of M",
             "take C from Christoffel's symbols of M; other forces belong to the load",
         )
@@ -101,6 +120,7 @@ def _check_power(b: Bench, plant: MechanicalPlant, c: object) -> None:
     if bool((growth - work > BALANCE * scale).any()):
         raise broken(
             plant,
+            KEPT,
             "an undisturbed plant's energy grows faster than its input works (dE/dt > qd' B tau)",
             "load, energy and mass_matrix do not belong together, or friction drives",
         )
@@ -118,12 +138,15 @@ def _check_regressor(b: Bench, plant: MechanicalPlant, c: object) -> None:
     force = times_column(plant.mass_matrix(q, one), a) + plant.load(q, qd, one)
     force = force + times_column(plant.coriolis(q, qd, one), v)
     if Y.shape[:-1] != force.shape:
-        raise broken(plant, f"regressor has shape {tuple(Y.shape)}", "give Y (..., n, k)")
+        raise broken(
+            plant, REGRESSOR, f"regressor has shape {tuple(Y.shape)}", "give Y (..., n, k)"
+        )
     rows, right = Y.flatten(0, 1), force.flatten()
     theta: Tensor = torch.linalg.lstsq(rows, right.unsqueeze(-1), driver="gelsd").solution
     if apart([(rows @ theta)[:, 0]], [right]) > BALANCE:
         raise broken(
             plant,
+            REGRESSOR,
             "no theta gives M(q) a + C(q, qd) v + N(q, qd) as Y theta",
             "regressor must use v in C, a in M, and the order (q, qd, v, a)",
         )

@@ -9,7 +9,8 @@ import torch
 from torch import Tensor
 
 from ..trees import leaves, map_tensors
-from .bench import Bench, apart, broken, called
+from .plant_bench import Bench, apart, called
+from .telling import broken
 
 #: Of a derivative by differences: step, and the largest error of the largest slope.
 STEP, DIFFERENCES = 1e-6, 1e-4
@@ -32,11 +33,12 @@ def check_gradients(b: Bench) -> None:
             return (_pattern(rate) * rate).sum()
 
         zero = torch.zeros((), dtype=torch.float64)
-        slope = called(b.plant, f"a gradient by {name}", partial(_slope, along))
+        slope = called(b.plant, 3, f"a gradient by {name}", partial(_slope, along))
         by_steps = (along(zero + STEP) - along(zero - STEP)) / (2.0 * STEP)
         if apart([slope], [by_steps]) > DIFFERENCES:
             raise broken(
                 b.plant,
+                3,
                 f"the gradient of the derivative by {name} is not what finite differences give",
                 "let gradients through: no .detach(), .item(), .data or no_grad",
             )
@@ -68,6 +70,7 @@ def _check_gradients_at_rest(b: Bench) -> None:
     if not all(bool(each.isfinite().all()) for each in found):
         raise broken(
             b.plant,
+            3,
             "the gradient by the state is not finite at rest",
             "guard roots, norms and divisions at 0 before torch.where picks",
         )

@@ -1,4 +1,4 @@
-"""What a plant is checked with: random states, inputs and parameters; and how faults are told."""
+"""What a plant is checked with: random states, inputs and parameters."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from ..errors import InterfaceError, ShapeError
 from ..functional import Numbers, as_float64
 from ..plants import Plant
 from ..trees import leaves, map_tensors, rebuilt
+from .telling import broken, said
 
 SAMPLES = 8
 #: Of the largest number in question: what rounding may do to equal numbers.
@@ -21,20 +22,14 @@ ROUNDING = 1e-12
 Result = TypeVar("Result")
 
 
-def broken(part: object, what: str, mend: str) -> InterfaceError:
-    """The error of a contract that is not kept, to be raised."""
-    return InterfaceError(f"{type(part).__name__}: {what}; {mend}")
-
-
-def called(part: object, what: str, function: Callable[[], Result]) -> Result:
+def called(part: object, line: int | str, what: str, function: Callable[[], Result]) -> Result:
     """The function's result; whatever it raises becomes an `InterfaceError` that says `what`."""
     try:
         return function()
     except InterfaceError:
         raise
     except Exception as error:
-        told = f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''}"
-        raise InterfaceError(f"{type(part).__name__}: {what} fails with {told}") from error
+        raise broken(part, line, f"{what} fails", said(error)) from error
 
 
 def is_tree(value: Any) -> bool:
@@ -69,12 +64,14 @@ class Bench(NamedTuple):
         """Of all samples' parameters."""
         found = called(
             self.plant,
+            4,
             "coefficients of parameters (..., d)",
             lambda: self.plant.coefficients(self.parameters),
         )
         if not is_tree(found):
             raise broken(
                 self.plant,
+                4,
                 "coefficients are no NamedTuple of tensors",
                 "the equations may need tensors (..., *) only, and None for what is absent",
             )
