@@ -75,8 +75,7 @@ class MannController(Controller):
         given = (rate_W, rate_V, e_modification, initial_std)
         if network is not None and any(a is not b for a, b in zip(given, _OF_NETWORK, strict=True)):
             raise ConfigError(
-                "rate_W, rate_V, e_modification and initial_std are those of the paper's network: "
-                "set them in the network that is given"
+                "rate_W, rate_V, e_modification and initial_std: set them in the network given"
             )
         inputs = ErrorsAndReference(n_joints) if inputs is None else inputs
         width = instance("inputs", inputs, NetworkInputs).width
@@ -122,10 +121,7 @@ class MannController(Controller):
         return self.network.initial_state(batch_shape, generator)
 
     def check_weights(self, weights: Any) -> torch.Size:
-        """Batch shape of weights.
-
-        Raises `ShapeError`, `DtypeError` or `ConfigError` for those that do not fit.
-        """
+        """Batch shape of weights. Raises `ShapeError`, `DtypeError` or `ConfigError`."""
         return torch.Size() if weights is None else self.network.check_state(weights)
 
     def check_fit(self, n_inputs: int, n_outputs: int) -> None:
@@ -151,8 +147,7 @@ class MannController(Controller):
         network = self.network.expand(weights, batch_shape)
         if self.memory is None:
             return ControllerState(network, None), None
-        tracking: TrackingError = self.tracking(reference, measurement)
-        nn_input = self.inputs(tracking, reference, measurement)
+        nn_input = self._look(reference, measurement, network)[1]
         hidden = self.network.first_features(nn_input, network)
         memory = self.memory.initial_state(hidden, measurement.q)
         mode = self.memory.initial_mode(hidden.shape[:-1])

@@ -51,7 +51,7 @@ class Clock(nn.Module):
 
     def elapsed(self, held: ClockState) -> Tensor:
         """Time since the last tick (...,) [s]: the period, 0 before the first."""
-        return torch.where(held.begun, self.period, 0.0)
+        return held.begun.to(held.input.dtype) * self.period
 
     def ticked(self, t: Tensor, held: ClockState, u: Tensor, rates: ControllerTree) -> ClockState:
         """After a tick at t [s] with a new command u (..., m) and new rates."""
