@@ -11,48 +11,28 @@ from scipy.integrate import solve_ivp
 from torch import Tensor
 
 import mann_torch as mt
+from mann_torch.control import LinearFeedback
 from mann_torch.plants import PlanarQuadrotor, Plant
 from mann_torch.signals import Disturbance, Sinusoid
 from mann_torch.trees import Packer, leaves
-from mann_torch.types import ControlOutput, InputGains
 from tests.contracts.test_plant_contract import OTHER_PARAMETERS, PLANTS_TO_CHECK
 
 
-class Proportional(mt.Controller):
-    """u = H r - G y, with fixed gains for any plant."""
-
-    reference_order = 1
-
-    def __init__(self, plant: Plant, parameters: Any) -> None:
-        super().__init__()
-        seen = plant.measure(plant.rest(), plant.coefficients(parameters))
-        width = sum(leaf.shape[-1] for leaf in leaves(seen))
-        m, p = len(plant.inputs), len(plant.outputs)
-        numbers = torch.arange(m * max(width, p), dtype=torch.float64)
-        self.register_buffer("G", 0.5 * torch.sin(1.0 + numbers[: m * width]).reshape(m, width))
-        self.register_buffer("H", torch.cos(numbers[: m * p]).reshape(m, p))
-
-    def initial_state(self, *given: Any, **named: Any) -> tuple[None, None]:
-        return None, None
-
-    def input(self, value: Tensor, seen: Tensor) -> Tensor:
-        return (self.H @ value.unsqueeze(-1) - self.G @ seen.unsqueeze(-1))[..., 0]
-
-    def forward(self, reference: Any, measurement: Any, state: Any, mode: Any) -> ControlOutput:
-        seen = torch.cat(list(measurement), dim=-1)
-        return ControlOutput(self.input(reference.value, seen), None, None)
-
-    def input_gains(self, reference: Any, output: Any, state: Any) -> InputGains:
-        _, rate = reference.upto(1)
-        drift = (self.H @ rate.unsqueeze(-1))[..., 0]
-        return InputGains(self.G.expand(*drift.shape[:-1], *self.G.shape), drift)
+def proportional(plant: Plant, parameters: Any) -> LinearFeedback:
+    """u = H r - G y, with some gains for any plant."""
+    seen = plant.measure(plant.rest(), plant.coefficients(parameters))
+    width = sum(leaf.shape[-1] for leaf in leaves(seen))
+    m, p = len(plant.inputs), len(plant.outputs)
+    numbers = torch.arange(m * max(width, p), dtype=torch.float64)
+    G = 0.5 * torch.sin(1.0 + numbers[: m * width]).reshape(m, width)
+    return LinearFeedback(G, torch.cos(numbers[: m * p]).reshape(m, p))
 
 
 def setting(name: str) -> tuple[mt.ClosedLoop, mt.Scenario]:
     plant = PLANTS_TO_CHECK[name]()
     parameters = plant.parameters_of(**OTHER_PARAMETERS.get(name, {}))
     reference = Sinusoid([1.0] * len(plant.outputs), 0.7, 0.2)
-    loop = mt.ClosedLoop(plant, Proportional(plant, parameters))
+    loop = mt.ClosedLoop(plant, proportional(plant, parameters))
     return loop, mt.Scenario(reference, parameters, 0.5)
 
 
@@ -69,8 +49,8 @@ def by_scipy(name: str) -> np.ndarray:
 
     def rate(t: float, y: np.ndarray) -> np.ndarray:
         time, state = torch.tensor(t, dtype=torch.float64), packer.unpack(torch.from_numpy(y))
-        seen = torch.cat(list(plant.measure(state, c)), dim=-1)
-        u = loop.controller.input(scenario.reference(time).value, seen)
+        seen = plant.measure(state, c)
+        u = loop.controller(scenario.reference(time), seen, None, None).input
         return packer.pack(plant.derivative(time, state, plant.grouped(u), None, c)).numpy()
 
     start = packer.pack(plant.rest()).numpy()
@@ -124,13 +104,13 @@ def test_gradients_of_both_engines_agree() -> None:
 def test_wind_reaches_the_quadrotor() -> None:
     """In the compiled loop, against the problem's equations in NumPy."""
     plant = PlanarQuadrotor()
-    controller = Proportional(plant, plant.parameters_of())
+    controller = proportional(plant, plant.parameters_of())
     reference = Sinusoid([1.0, 0.5, 0.2], 0.7)
     wind = Disturbance(plant=Sinusoid([2.0], 1.3, 6.5))
     scenario = mt.Scenario(reference, plant.parameters_of(), 1.0, disturbance=wind)
     with torch.no_grad():
         run = mt.rollout(mt.ClosedLoop(plant, controller), scenario, mt.Implicit(0.001))
-    G, H = controller.G.numpy(), controller.H.numpy()
+    G, H = controller.feedback.reshape(3, 6).numpy(), controller.feedforward.reshape(3, 3).numpy()
 
     def rate(t: float, y: np.ndarray) -> np.ndarray:
         q, v = y[:3], y[3:]
