@@ -62,8 +62,8 @@ def test_without_drag_it_keeps_its_energy_and_drag_takes_it() -> None:
 def test_it_drifts_to_the_speed_of_the_wind() -> None:
     """At a hover with phi = 0 the wind pushes until there is none to feel."""
     plant, p = PlanarQuadrotor(), PlanarQuadrotor().parameters_of()
-    t, hover = torch.zeros((), dtype=torch.float64), torch.tensor([9.81, 0.0, 0.0]).double()
-    hover[0] = 9.81
+    t = torch.zeros((), dtype=torch.float64)
+    hover = torch.tensor([9.81, 0.0, 0.0], dtype=torch.float64)
     wind = torch.tensor([6.5], dtype=torch.float64)
     state = PlantState(torch.zeros(3).double(), torch.tensor([6.5, 0.0, 0.0]).double())
     still = plant.derivative(t, state, plant.grouped(hover), wind, p).qd
