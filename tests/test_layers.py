@@ -23,8 +23,8 @@ ALLOWED = {
     "metrics": BASE | {"simulation"},
     "statistics": BASE,
     "figures": BASE,
-    "testing": BASE | {"plants", "signals"},
     "tuning": BASE | {"simulation", "metrics", "statistics"},
+    "testing": BASE | {"memory", "control", "plants", "signals", "parts", "simulation"},
 }
 
 

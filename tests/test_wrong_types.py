@@ -40,6 +40,11 @@ PASSIVE = {
     *("Motion", "Outcome", "Trajectory", "Status", "Attention", "KeyRule", "Controller", "Plant"),
     *("Reference", "Solver", "Flow", "Aim", "Judge", "Sampler"),
     *("HardAttention", "SoftAttention", "RepresentationKeys"),
+    *("Field", "Input", "Torque", "MechanicalPlant", "RowState", "MeasuredOutput", "WingRock"),
+    *("SlotineLiArm", "SlotineLiParameters", "PlanarQuadrotor", "QuadrotorParameters"),
+    *("NLinkParameters", "NLinkCoefficients", "FlexibleJointParameters", "CartPoleParameters"),
+    *("FlexibleJointCoefficients", "LinearParameters", "LinearCoefficients", "WingRockParameters"),
+    *("PendulumParameters", "PendulumCoefficients", "DoubleIntegratorParameters"),
     *("noise_at", "scaled"),  # tensor maths inside the rollout
 }
 

@@ -25,18 +25,20 @@ class MechanicalPlant(Plant):
 
     On top of `Plant`'s contract:
 
-    1. M is symmetric positive definite, and dM/dt - 2 C skew-symmetric.
+    1. M is symmetric positive definite, dM/dt - 2 C skew-symmetric, C qd as Lagrange's equations
+       have it.
     2. `energy` is what an undisturbed plant without inputs and friction keeps.
     3. Where fewer or other inputs than one a coordinate drive it, `input_matrix` is B (..., n, m),
        and `inputs` names them.
     4. What is measured are positions and velocities: of all coordinates, or of those that `sensing`
-       picks, and the output is a part of q, unless `output` says otherwise.
+       names, and the output is a part of q, unless `output` says otherwise.
+    5. Where there is a `regressor`, one theta gives M a + C v + N from it everywhere.
     """
 
     Input: ClassVar[type] = Torque
     n_joints: int
-    #: Rows of the identity that pick the measured coordinates, (p, n); None: all are measured.
-    sensing: Tensor | None = None
+    #: Which coordinates are measured, counted from 0; None: all are.
+    sensing: tuple[int, ...] | None = None
 
     @property
     def inputs(self) -> tuple[Channel, ...]:
@@ -63,6 +65,11 @@ class MechanicalPlant(Plant):
     @abstractmethod
     def energy(self, state: PlantState, coefficients: Coefficients) -> Tensor:
         """Kinetic plus potential energy (...,) [J]."""
+
+    def kinetic_energy(self, state: PlantState, coefficients: Coefficients) -> Tensor:
+        """qd' M(q) qd / 2 (...,) [J]."""
+        qd = state.qd.unsqueeze(-1)
+        return 0.5 * (qd.mT @ self.mass_matrix(state.q, coefficients) @ qd)[..., 0, 0]
 
     def load_slope(self, q: Tensor, qd: Tensor, coefficients: Coefficients) -> Tensor | None:
         """dN_j/d(qd_j) (..., n) where friction is stiff [N m s/rad], None where there is none.
@@ -104,7 +111,8 @@ class MechanicalPlant(Plant):
         """Positions and velocities, of the coordinates that are measured."""
         if self.sensing is None:
             return Measurement(state.q, state.qd)
-        return Measurement(*(times_column(self.sensing, part) for part in state))
+        seen = self.sensing
+        return Measurement(*(torch.stack([x[..., i] for i in seen], dim=-1) for x in state))
 
     def derivative(
         self,
@@ -158,9 +166,12 @@ class MechanicalPlant(Plant):
         """Gains on all coordinates (..., n, 2n) and drift (..., n), as forces."""
         block, drift = gains
         if self.sensing is not None:
-            seen = self.sensing.shape[-2]
-            parts = [block[..., :seen] @ self.sensing, block[..., seen:] @ self.sensing]
-            block = torch.cat(parts, dim=-1)
+            seen, n = self.sensing, q.shape[-1]
+            unseen = torch.zeros_like(block[..., 0])
+            places = [seen.index(j) if j in seen else None for j in range(n)]
+            halves = block[..., : len(seen)], block[..., len(seen) :]
+            columns = [unseen if i is None else half[..., i] for half in halves for i in places]
+            block = torch.stack(columns, dim=-1)
         B = self.input_matrix(q, coefficients)
         if B is None:
             return block, drift
@@ -185,3 +196,9 @@ class MechanicalPlant(Plant):
         )
         other = self.disturbing_force(t, state, disturbance, coefficients)
         return force if other is None else force + other
+
+
+def two_by_two(a: Tensor, b: Tensor, c: Tensor, d: Tensor) -> Tensor:
+    """[[a, b], [c, d]] (..., 2, 2) of entries (...,)."""
+    flat = torch.stack(torch.broadcast_tensors(a, b, c, d), dim=-1)
+    return flat.reshape(*flat.shape[:-1], 2, 2)

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from ..checks import wrong
-from ..constraints import Domain
+from ..domains import Domain
 from ..errors import ConfigError, ShapeError
 from ..functional import Numbers, as_float64
 from ..interface import Interface

@@ -8,11 +8,12 @@ import torch
 from torch import Tensor
 
 from ..checks import NONNEGATIVE, POSITIVE, number
-from ..constraints import NonNegative, Positive
+from ..domains import NonNegative, Positive
 from ..errors import DomainError
 from ..functional import Numbers
 from ..types import PlantState
-from .mechanical import MechanicalPlant
+from .friction import friction_slope, unless_zero, with_friction
+from .mechanical import MechanicalPlant, two_by_two
 from .plant import Field
 
 
@@ -63,11 +64,6 @@ class ArmCoefficients(NamedTuple):
     coulomb: Tensor | None  # [N m]
 
 
-def _matrix(a: Tensor, b: Tensor, c: Tensor, d: Tensor) -> Tensor:
-    flat = torch.stack(torch.broadcast_tensors(a, b, c, d), dim=-1)
-    return flat.reshape(*flat.shape[:-1], 2, 2)
-
-
 class TwoLinkArm(MechanicalPlant):
     """Two links in a vertical plane. Paper: eqs. (mass), (cor) and the load vector after them.
 
@@ -92,10 +88,7 @@ class TwoLinkArm(MechanicalPlant):
         l_1, l_2 = parameters.lengths.unbind(-1)
         phi, rho, psi = (m_1 + m_2) * l_1 * l_1, m_2 * l_2 * l_2, m_2 * l_1 * l_2
         gamma = self.gravity / l_1
-        friction = [
-            None if not value.requires_grad and not bool(value.any()) else value
-            for value in (parameters.viscous, parameters.coulomb)
-        ]
+        friction = unless_zero(parameters.viscous), unless_zero(parameters.coulomb)
         return ArmCoefficients(phi, rho, psi, phi * gamma, psi * gamma, *friction)
 
     def mass_matrix(self, q: Tensor, coefficients: ArmCoefficients) -> Tensor:
@@ -103,14 +96,14 @@ class TwoLinkArm(MechanicalPlant):
         phi, rho, psi = coefficients[:3]
         coupling = psi * torch.cos(q[..., 1])
         off = rho + coupling
-        return _matrix(phi + off + coupling, off, off, rho)
+        return two_by_two(phi + off + coupling, off, off, rho)
 
     def coriolis(self, q: Tensor, qd: Tensor, coefficients: ArmCoefficients) -> Tensor:
         """V_m(q, qd) (..., 2, 2) [N m s/rad]."""
         h = coefficients.psi * torch.sin(q[..., 1])
         qd_1, qd_2 = qd.unbind(-1)
         first = h * qd_1
-        return _matrix(-h * qd_2, -h * (qd_1 + qd_2), first, torch.zeros_like(first))
+        return two_by_two(-h * qd_2, -h * (qd_1 + qd_2), first, torch.zeros_like(first))
 
     def load(self, q: Tensor, qd: Tensor, coefficients: ArmCoefficients) -> Tensor:
         """Gravity plus friction (..., 2) [N m]."""
@@ -118,25 +111,15 @@ class TwoLinkArm(MechanicalPlant):
         outer_link = coefficients.psi_gamma * torch.cos(q_1 + q_2)
         inner_link = coefficients.phi_gamma * torch.cos(q_1)
         load = torch.stack([inner_link + outer_link, outer_link], dim=-1)
-        if coefficients.viscous is not None:
-            load = load + coefficients.viscous * qd
-        if coefficients.coulomb is not None:
-            load = load + coefficients.coulomb * torch.tanh(qd / self.coulomb_velocity)
-        return load
+        return with_friction(load, qd, *coefficients[5:], self.coulomb_velocity)
 
     def load_slope(self, q: Tensor, qd: Tensor, coefficients: ArmCoefficients) -> Tensor | None:
         """Slope of the friction (..., 2) [N m s/rad]; None without friction."""
-        slope = coefficients.viscous
-        if coefficients.coulomb is not None:
-            bend = 1.0 - torch.tanh(qd / self.coulomb_velocity).square()
-            steep = coefficients.coulomb * bend / self.coulomb_velocity
-            slope = steep if slope is None else slope + steep
-        return slope
+        return friction_slope(qd, *coefficients[5:], self.coulomb_velocity)
 
     def energy(self, state: PlantState, coefficients: ArmCoefficients) -> Tensor:
         """Kinetic plus potential energy (...,) [J]."""
         q_1, q_2 = state.q.unbind(-1)
-        qd = state.qd.unsqueeze(-1)
-        kinetic = 0.5 * (qd.mT @ self.mass_matrix(state.q, coefficients) @ qd)[..., 0, 0]
         potential = coefficients.phi_gamma * torch.sin(q_1)
+        kinetic = self.kinetic_energy(state, coefficients)
         return kinetic + potential + coefficients.psi_gamma * torch.sin(q_1 + q_2)

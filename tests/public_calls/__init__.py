@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from tests.public_calls import of_memory, of_parts, of_signals, of_simulation, of_tuning
+from tests.public_calls import (
+    of_memory,
+    of_parts,
+    of_plants,
+    of_signals,
+    of_simulation,
+    of_tuning,
+)
 from tests.public_calls.things import Call
 
 #: What can be called with arguments, by its public name.
 CALLS: dict[str, Call] = {
     **of_memory.CALLS,
     **of_parts.CALLS,
+    **of_plants.CALLS,
     **of_signals.CALLS,
     **of_simulation.CALLS,
     **of_tuning.CALLS,
