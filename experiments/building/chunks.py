@@ -13,10 +13,10 @@ from mann_torch import rollout
 from ..ensembles.rollouts import Chunk
 from ..records.recording import metrics_of
 from ..runs.workers import peak_mb
-from ..settings.config import LoopConfig, SimulateConfig
+from ..settings.config import ScenarioLoopConfig, SimulateConfig
 from ..settings.ensemble_config import EnsembleConfig
 from .build import Experiment, build
-from .random_masses import random_masses, with_masses
+from .spreads import random_rows, spreads, with_rows
 
 #: Motion is kept this often [s], for SRMSE after 10 s.
 MOTION_DT = 10.0
@@ -24,15 +24,17 @@ MOTION_DT = 10.0
 
 def experiment_of(cfg: EnsembleConfig, first: int, count: int) -> Experiment:
     """Rollouts first to first + count - 1 as one batch. Raises `ConfigError`."""
-    names = [field.name for field in dataclasses.fields(LoopConfig)]
+    names = [field.name for field in dataclasses.fields(ScenarioLoopConfig)]
     plain = dataclasses.replace(
         SimulateConfig(**{name: getattr(cfg, name) for name in names}),
         initial=dataclasses.replace(cfg.initial, draw=cfg.initial.draw + first),
         draws=count,
     )
     made = build(plain)
-    masses = random_masses(plain.plant.masses, cfg.masses.spread, cfg.seed, first, count)
-    return dataclasses.replace(made, scenario=with_masses(made.scenario, plain, masses))
+    plant, parameters = made.loop.plant, made.scenario.parameters._asdict()
+    rows = random_rows(parameters, spreads(cfg.spread, plant), cfg.seed, first, count)
+    scenario = with_rows(made.scenario, plain.scenario, plant, rows)
+    return dataclasses.replace(made, scenario=scenario)
 
 
 def run_chunk(
