@@ -14,14 +14,14 @@ Kind = TypeVar("Kind")
 class Registry(MutableMapping[str, type[Kind]], Generic[Kind]):
     """Classes of one interface by name.
 
-    A package of one's own adds to them by an entry point of the group `mann_torch.<what>s`; it is
-    found when its name is first looked for, and loaded then. Raises `ConfigError` for an unknown
+    A package of one's own adds to them by an entry point of the group `mann_torch.plants` or the
+    like; it is found when its name is first looked for, and loaded then. Raises `ConfigError` for an unknown
     name, an entry point that can't be loaded, that names no such class, or takes a name that
     another has.
     """
 
     def __init__(self, what: str, interface: type, own: Mapping[str, type[Kind]]) -> None:
-        self.what, self.group = what, f"mann_torch.{what.replace(' ', '_')}s"
+        self.what, self.group = what, f"mann_torch.{what.removesuffix('s')}s"
         self._interface, self._own = interface, dict(own)
         self._found: dict[str, EntryPoint] | None = None
 

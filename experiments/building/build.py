@@ -19,6 +19,7 @@ from mann_torch.trees import map_tensors
 from ..settings.checks import check_horizon
 from ..settings.config import LoopConfig, SimulateConfig
 from .controllers import build_controller, constant, is_mann, mann_settings, paper_constants
+from .made import named, unknown
 from .parts import build_noise, build_parts
 from .plants import build_plant, build_start
 from .schedules import schedules
@@ -67,13 +68,17 @@ def build_loop(cfg: LoopConfig, plant: Plant) -> ClosedLoop:
     A constant that only another controller of the paper's has is not used.
     """
     loop = ClosedLoop(plant, build_controller(cfg, plant), **build_parts(cfg, plant))
-    values = {name: constant(name, value) for name, value in cfg.constants.items()}
-    there = loop.constants()
-    unused = {name for name in values if name not in there and name in paper_constants()}
-    try:
-        loop.initialize(**{name: v for name, v in values.items() if name not in unused})
-    except ConfigError as error:
-        raise type(error)(f"constants: {error}") from None
+    there, values = loop.constants(), {}
+    for name, given in cfg.constants.items():
+        value = constant(f"constants.{name}", given)
+        if name in there:
+            event = there[name].shape
+            values[name] = loop.domain(name).coerce(value, event)
+            if values[name].shape != event:
+                raise ConfigError(f"constants.{name} = {given}: must be of shape {tuple(event)}")
+        elif name not in paper_constants():
+            raise unknown("constants", name, f"controller '{cfg.controller.get('name')}'", there)
+    named("constants", values, lambda: loop.initialize(**values))
     return loop
 
 

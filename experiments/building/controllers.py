@@ -132,11 +132,11 @@ def paper_constants() -> frozenset[str]:
     return frozenset(MannController(1, 1, memory).constants())
 
 
-def constant(name: str, value: Any) -> Tensor:
+def constant(where: str, value: Any) -> Tensor:
     """A constant's value as numbers. Raises `ConfigError`."""
     if value is None or isinstance(value, str | Mapping) or holds_truth(value):
-        raise ConfigError(f"constants.{name} = {value}: give a number, or rows of them")
+        raise ConfigError(f"{where} = {value}: give a number, or rows of them")
     try:
         return torch.tensor(value, dtype=torch.float64)
     except (TypeError, ValueError, RuntimeError, OverflowError):
-        raise ConfigError(f"constants.{name} = {value}: give a number, or rows of them") from None
+        raise ConfigError(f"{where} = {value}: give a number, or rows of them") from None

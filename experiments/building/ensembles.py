@@ -23,6 +23,7 @@ from ..settings.config import LoopConfig, SimulateConfig
 from ..settings.study_config import StudyConfig, TuneConfig
 from .batching import side_by_side
 from .build import build
+from .controllers import constant
 
 
 @functools.cache
@@ -72,6 +73,8 @@ def with_start(plain: SimulateConfig, start: Any) -> SimulateConfig:
     """A scenario's configuration with some constants replaced. Raises `ConfigError`."""
     if not isinstance(start, Mapping):
         raise ConfigError(f"start = {start}: give values by name, start={{rate_W:20}}")
+    for name, value in start.items():
+        constant(f"start.{name}", value)
     return dataclasses.replace(plain, constants={**plain.constants, **start})
 
 

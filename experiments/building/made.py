@@ -13,7 +13,7 @@ from mann_torch.registry import Registry
 from ..settings.checks import holds_truth
 
 #: No size in a configuration is larger: it is a slip of the pen, found before anything is there.
-MOST = 10_000
+MOST = 1000
 #: Keys of a node that are no arguments.
 LABELS = ("name", "kind")
 

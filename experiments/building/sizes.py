@@ -13,7 +13,6 @@ from ..settings.checks import check_positive
 from ..settings.config import LoopConfig, SimulateConfig
 from ..settings.machine import check_memory
 from .controllers import hidden_neurons, is_mann, mann_settings
-from .made import mapping
 from .plants import build_plant
 
 _FLOAT = 8
@@ -33,8 +32,8 @@ def rollout_bytes(cfg: LoopConfig, plant: Plant) -> float:
     n = len(plant.outputs)
     N = hidden_neurons(cfg, n)
     slots = cfg.memory.n_slots if mann_settings(cfg).attention is not None else 0
-    outer = n * N if mapping("network", cfg.network) else n * (N + 1) + N * (5 * n + 1)
-    return float(_FLOAT * (own + outer + slots * (N + n)))
+    # Of another network the state is smaller, and what its features are made of is not.
+    return float(_FLOAT * (own + n * (N + 1) + N * (5 * n + 1) + slots * (N + n)))
 
 
 def check_rollouts(what: str, cfg: LoopConfig, plant: Plant, count: int) -> None:

@@ -72,8 +72,14 @@ def as_typed(override: str) -> str:
 
 
 def opened(arguments: Sequence[str]) -> list[str]:
-    """`plant.stiffness=3` as `++plant.stiffness=3`: what there is, the plant's class says."""
-    return [re.sub(rf"^(?={_OPEN}=)", "++", argument) for argument in arguments]
+    """`plant.stiffness=3` as `++plant.stiffness=3`: what there is, the plant's class says.
+
+    And `sensor=null` as `~sensor`, Hydra's way to say that a group is not chosen.
+    """
+    absent = {f"{group}=null": f"~{group}" for group in OPEN}
+    return [
+        re.sub(rf"^(?={_OPEN}=)", "++", absent.get(argument, argument)) for argument in arguments
+    ]
 
 
 def quote_numeric_names(arguments: list[str]) -> list[str]:

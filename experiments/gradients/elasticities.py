@@ -101,7 +101,9 @@ def estimate_all(
 
     def of_joints(run: Outcome) -> Tensor:
         joints = srmse(run)
-        return joints.square().sum(-1).sqrt() if cfg.of_output == 0 else joints[..., cfg.of_output - 1]
+        return (
+            joints.square().sum(-1).sqrt() if cfg.of_output == 0 else joints[..., cfg.of_output - 1]
+        )
 
     events: dict[str, list[int]] = {}
 

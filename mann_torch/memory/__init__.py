@@ -24,7 +24,7 @@ ATTENTIONS: Registry[Attention] = Registry(
     {"soft": SoftAttention, "hard": HardAttention, "reallocating": ReallocatingAttention},
 )
 KEY_RULES: Registry[KeyRule] = Registry(
-    "key rule", KeyRule, {"representation": RepresentationKeys, "state": StateKeys}
+    "keys", KeyRule, {"representation": RepresentationKeys, "state": StateKeys}
 )
 
 __all__ = [

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from experiments.building.random_masses import random_masses, with_masses
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from experiments import collect, ensemble, simulate
 from experiments.building.build import build_scenario
 from experiments.building.ensembles import composed
-from experiments.building.random_masses import random_masses, with_masses
 from experiments.ensembles.histogram import histogram
 from experiments.ensembles.rollouts import Rollouts, joined, read_rollouts, text_of
 from experiments.ensembles.summary import ranges, statistics, worst

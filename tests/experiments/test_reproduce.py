@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from experiments.building.masses import mass_schedule
 from omegaconf import OmegaConf
 
 from experiments import reproduce
-from experiments.building.masses import mass_schedule
 from experiments.command.cli import compose_job
 from experiments.command.conf_files import group_names
 from experiments.reproduction import tables

@@ -124,11 +124,11 @@ def test_restarts_end_in_a_table_that_tells_the_best(
 BAD = {
     "restart=-1": "restart = -1",
     "restart_spread=0": "restart_spread",
-    "names=[c_w]": "no design constant 'c_w'",
+    "names=[c_w]": "unknown setting 'constants.c_w'",
     "names=[]": "no constant to tune",
     "names=[e_modification]": "can't be tuned from 0",
     "start={rate_W:-1}": "rate_W = -1",
-    "start={c_w:1}": "no design constant 'c_w'",
+    "start={c_w:1}": "unknown setting 'constants.c_w'",
     "start={rate_W:many}": "start",
     "train.scenarios=[]": "train.scenarios is empty",
     "train.scenarios=['9']": "unknown name '9'",
