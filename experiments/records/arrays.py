@@ -10,14 +10,14 @@ import torch
 from torch import Tensor
 
 from mann_torch import Trajectory
-from mann_torch.simulation import ClosedLoop, Scenario, observe
+from mann_torch.simulation import ClosedLoop, Observation, Scenario, observe
 from mann_torch.trees import leaves
-from mann_torch.types import Channel, Features, TrackingError
+from mann_torch.types import Features, TrackingError
 
 #: The loop's own names: a plant or a controller with a field called so has its path for a name.
 OWN = (
-    *("t", "output", "reference", "command", "error", "input", "applied"),
-    *("outputs", "inputs", "parameters", "states", "adaptive"),
+    *("t", "output", "reference", "command", "error", "input", "applied", "disturbance"),
+    *("outputs", "inputs", "disturbances", "parameters", "states", "adaptive"),
 )
 #: A controller's state of more numbers than this is left out, but a memory's contents are not.
 MOST_NUMBERS = 64
@@ -67,50 +67,59 @@ def signal_arrays(
     """The trajectory at its samples: `t` (K,) [s], numbers (K, draws, .), and texts.
 
     `output`, `reference`, `error`, `input` (commanded), `applied` where an actuator or a
-    disturbance makes that another one, `command` where a reference model gives the reference. Then,
-    by their fields' names: the plant's state, its parameters that a schedule moves, what the
-    controller measures where that is no plain part of the state, the controller's signals, its
-    state, and its mode. A name that is taken becomes a path: `controller.W`.
+    disturbance makes that another one, `command` where a reference model gives the reference,
+    `disturbance`, of the plant's own, where there is one. Then, by their fields' names: the plant's
+    state, its parameters that a schedule moves, what the controller measures where that is no plain
+    part of the state, the controller's signals, its state, and its mode. A name that is taken
+    becomes a path: `controller.W`.
 
-    Texts: `outputs`, `inputs` (., 2) and `parameters` (., 2), names with units, and `states`,
+    Texts: `outputs`, `inputs`, `disturbances` and `parameters` (., 2), names with units, `states`,
     `adaptive`, names of arrays: of the plant's state, and of the controller's signals and state.
     """
-    seen, plant, t = observe(loop, scenario, trajectory), loop.plant, trajectory.sample_t
-    states, outside = trajectory.states, scenario.disturbance
+    seen, plant = observe(loop, scenario, trajectory), loop.plant
+    t, states, acting = trajectory.sample_t, trajectory.states, scenario.disturbance
     batch = leaves(states.plant)[0].shape[1:-1]
+    own = _of_the_loop(seen)
+    if loop.actuator is None and (acting is None or acting.input is None):
+        del own["applied"]
+    if acting is not None and acting.plant is not None:
+        own["disturbance"] = acting.expand(batch)(t).plant
     kept = _Kept((len(t), *batch))
-    wanted = seen.reference.value
-    own = {"output": seen.output, "reference": wanted, "error": wanted - seen.output}
-    own["input"] = seen.input
-    if loop.actuator is not None or (outside is not None and outside.input is not None):
-        own["applied"] = seen.applied
-    if seen.reference.command is not None:
-        own["command"] = seen.reference.command
-    found = {"t": t.numpy()} | {name: value.detach().numpy() for name, value in own.items()}
-    of_state = kept.add("state", states.plant)
-    moved = scenario.parameters_at(t)
-    scheduled = []
-    for name in scenario.schedule:
-        value = getattr(moved, name)
-        lone = (len(t), *(1,) * (len(batch) - value.dim() + 2), *value.shape[1:])
-        rows = value.reshape(lone).expand(len(t), *batch, value.shape[-1])
-        (called,) = kept.add(f"parameters.{name}", rows)
-        scheduled.append(Channel(called, plant.fields[name].unit))
+    texts = {"states": kept.add("state", states.plant)}
+    scheduled = _scheduled(scenario, t, batch)
+    called = [kept.add(f"parameters.{name}", rows)[0] for name, rows in scheduled.items()]
+    units = [plant.fields[name].unit for name in scheduled]
     if (
         loop.sensor is not None
         or scenario.noise is not None
-        or (outside is not None and outside.output is not None)
+        or (acting is not None and acting.output is not None)
     ):
         kept.add("measurement", seen.measurement)
-    adaptive = kept.add("signals", seen.signals)
-    adaptive += kept.add("controller", states.controller, MOST_NUMBERS)
+    texts["adaptive"] = kept.add("signals", seen.signals)
+    texts["adaptive"] += kept.add("controller", states.controller, MOST_NUMBERS)
     kept.add("mode", trajectory.modes)
-    texts = {"outputs": plant.outputs, "inputs": plant.inputs, "parameters": scheduled}
-    found |= {name: _table(rows) for name, rows in texts.items()}
-    found |= {"states": np.array(of_state, str), "adaptive": np.array(adaptive, str)}
-    return found | kept.arrays
+    tables: dict[str, Iterable[tuple[str, str]]] = {
+        "outputs": plant.outputs,
+        "inputs": plant.inputs,
+        "disturbances": plant.disturbances if "disturbance" in own else (),
+        "parameters": zip(called, units, strict=True),
+    }
+    found = {"t": t} | own
+    return (
+        {name: value.detach().cpu().numpy() for name, value in found.items()}
+        | {name: np.array([*map(tuple, rows)], str).reshape(-1, 2) for name, rows in tables.items()}
+        | {name: np.array(names, str) for name, names in texts.items()}
+        | kept.arrays
+    )
 
 
-def _table(channels: Iterable[Channel]) -> np.ndarray:
-    """(., 2) text: names and units."""
-    return np.array([tuple(each) for each in channels], str).reshape(-1, 2)
+def _of_the_loop(seen: Observation) -> dict[str, Tensor]:
+    wanted = seen.reference.value
+    own = {"output": seen.output, "reference": wanted, "error": wanted - seen.output}
+    own |= {"input": seen.input, "applied": seen.applied}
+    return own if seen.reference.command is None else own | {"command": seen.reference.command}
+
+
+def _scheduled(scenario: Scenario, t: Tensor, batch: Sequence[int]) -> dict[str, Tensor]:
+    """Parameters that a schedule moves, (K, draws, d)."""
+    return {name: schedule.expand(batch).at(t) for name, schedule in scenario.schedule.items()}

@@ -110,6 +110,8 @@ def _curves(arrays: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
     columns += [("input", i, name) for i, name in enumerate(inputs)]
     if "applied" in arrays:
         columns += [("applied", i, f"{name}_applied") for i, name in enumerate(inputs)]
+    acting = arrays["disturbances"][:, 0].tolist()
+    columns += [("disturbance", i, name) for i, name in enumerate(acting)]
     curves = []
     for draw in range(arrays["output"].shape[1]):
         curves += [(f"draw{draw}/{tag}", arrays[a][:, draw, i]) for a, i, tag in columns]

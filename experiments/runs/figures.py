@@ -76,6 +76,8 @@ def outputs(runs: Mapping[str, Arrays], title: str, symbols: Symbols | None = No
             top.plot(run["t"], run["output"][:, place], color=colour, lw=1.0, label=label)
             bottom.plot(run["t"], 1e3 * run["error"][:, place], color=colour, lw=0.8, label=label)
         top.plot(first["t"], first["reference"][:, place], "k--", lw=0.8, label="reference")
+        if "command" in first:
+            top.plot(first["t"], first["command"][:, place], "k:", lw=0.8, label="command")
         top.set_ylabel(with_unit(symbol(name, symbols), unit))
         bottom.set_ylabel(f"$e_{{{place + 1}}}$ [{_thousandth(unit)}]")
         bottom.set_xlabel("t [s]")
@@ -94,20 +96,25 @@ def outputs(runs: Mapping[str, Arrays], title: str, symbols: Symbols | None = No
 
 
 def inputs(runs: Mapping[str, Arrays], title: str) -> Figure:
-    """Each input of several controllers against time; dashed, what the plant got of it instead."""
+    """Each input of several controllers against time; dashed, what the plant got of it instead.
+
+    Below them what else acts on the plant, if anything does: a wind.
+    """
     from matplotlib.figure import Figure
 
     first = next(iter(runs.values()))
-    channels = first["inputs"].tolist()
+    channels = [("input", i, *row) for i, row in enumerate(first["inputs"].tolist())]
+    channels += [("disturbance", i, *row) for i, row in enumerate(first["disturbances"].tolist())]
     figure = Figure(figsize=(11, 0.9 + 2.3 * len(channels)), layout="constrained")
     axes = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
-    for place, (ax, (name, unit)) in enumerate(zip(axes, channels, strict=True)):
+    for ax, (kind, place, name, unit) in zip(axes, channels, strict=True):
         curves = []
         for colour, (label, run) in zip(COLOURS, runs.items(), strict=False):
-            commanded, applied = run["input"][:, place], run.get("applied", run["input"])[:, place]
-            ax.plot(run["t"], commanded, color=colour, lw=0.8, label=label)
-            curves.append((run["t"], commanded))
-            if not np.array_equal(commanded, applied, equal_nan=True):
+            given = run[kind][:, place]
+            ax.plot(run["t"], given, color=colour, lw=0.8, label=label)
+            curves.append((run["t"], given))
+            applied = run.get("applied", run["input"])[:, place] if kind == "input" else given
+            if not np.array_equal(given, applied, equal_nan=True):
                 ax.plot(run["t"], applied, "k--", lw=0.8, label=f"{label}: applied")
                 curves.append((run["t"], applied))
         ax.set_ylabel(with_unit(symbol(name), unit))

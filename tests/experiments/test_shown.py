@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from experiments.runs.figures import inputs, of_draws, outputs, symbol, traces
 from experiments.simulate import run_figures, summary
 from experiments.sweeps.measures import measured
 from mann_torch.control import LinearFeedback
-from mann_torch.parts import Actuator, Sensor
+from mann_torch.parts import Actuator, LinearModel, Sensor
 from mann_torch.plants import FlexibleJointArm, PlanarQuadrotor, Plant
 from mann_torch.signals import Disturbance, Polynomial, Sinusoid
 from tests.experiments.command import logged
@@ -86,9 +87,7 @@ def test_what_is_applied_is_kept_and_drawn_where_it_differs(what: str) -> None:
     pushed = 0.0 if what == "limit" else 0.25
     if pushed:
         push = Disturbance(input=Polynomial([[pushed]]))
-        scenario = mt.Scenario(
-            scenario.reference, scenario.parameters, 0.5, scenario.schedule, disturbance=push
-        )
+        scenario = dataclasses.replace(scenario, disturbance=push)
     arrays = arrays_of(loop, scenario)
     inside = np.clip(arrays["input"], -4.2, 4.2) if limited else arrays["input"]
     np.testing.assert_allclose(arrays["applied"], inside + pushed, rtol=1e-14)
@@ -140,6 +139,29 @@ def test_three_outputs_have_a_panel_a_column_and_a_curve_each(tmp_path: Path) ->
     scalars = set(logged(tmp_path).Tags()["scalars"])
     assert {"draw0/error_pitch", "draw1/side_thrust", "metrics/srmse_pitch"} <= scalars
     assert not any("attended" in tag or "weight" in tag for tag in scalars)
+
+
+def test_wind_is_kept_and_drawn_below_the_inputs() -> None:
+    loop, scenario = fed_back(PlanarQuadrotor(), 6)
+    wind = Disturbance(plant=Sinusoid([3.0], 2.0))
+    arrays = arrays_of(loop, dataclasses.replace(scenario, disturbance=wind))
+    known = 3.0 * np.sin(2.0 * arrays["t"])
+    np.testing.assert_allclose(arrays["disturbance"][:, 1, 0], known, atol=1e-14)
+    assert "applied" not in arrays and "disturbance" not in arrays_of(loop, scenario)
+    axes = inputs({"a": of_draws(arrays, 0)}, "").axes
+    assert len(axes) == 4 and axes[3].get_ylabel() == "wind [m/s]"
+    np.testing.assert_allclose(axes[3].lines[0].get_ydata(), known, atol=1e-14)
+
+
+def test_what_a_reference_model_is_told_is_kept_beside_what_it_gives() -> None:
+    loop, scenario = tank(Levelling(), model=LinearModel.first_order(5.0))
+    arrays = arrays_of(loop, scenario)
+    told = 0.5 + np.sin(0.7 * arrays["t"])
+    np.testing.assert_allclose(arrays["command"][:, 0, 0], told, rtol=1e-14)
+    assert (arrays["reference"][1:] < arrays["command"][1:]).all()  # a lag of a rising command
+    np.testing.assert_array_equal(arrays["error"], arrays["reference"] - arrays["output"])
+    top, _ = outputs({"a": of_draws(arrays, 0)}, "").axes
+    assert [line.get_label() for line in top.lines[:3]] == ["a", "reference", "command"]
 
 
 def test_motors_that_are_no_outputs_are_drawn_as_states() -> None:
