@@ -28,7 +28,7 @@ def page() -> dict[str, Any]:
 
 
 def test_every_rollout_is_compiled(page: dict[str, Any]) -> None:
-    for name in ("run", "flexible", "carried", "watered"):
+    for name in ("run", "basis", "flexible", "carried", "watered"):
         assert page[name].engine == "compiled", page[name].engine_reason
         assert not bool(page[name].status.any())
 

@@ -156,10 +156,11 @@ def section() -> Section:
     """Every part in a process of its own."""
     results = [{**asdict(c), **in_process("parts", asdict(c))} for c in CASES]
     seconds = {c.batch: f"{c.compiled:g} s" for c in CASES}
-    text = f"""Written for neither engine: a planar arm of n links (`NLinkArm`) under the paper's controller, and
-the attention that docs/extending.md prints, on the paper's arm. Gradient to all constants that have one. us a step and
-trajectory on one thread, median (and least) of {ROUNDS} rounds in turns; {Case.torch:g} s are
-simulated on the torch engine, compiled {" and ".join(seconds.values())} (B = 1 and 64).
+    text = f"""Written for neither engine: a planar arm of n links (`NLinkArm`) under the paper's
+controller, and the attention that docs/extending.md prints, on the paper's arm. Gradient to all
+constants that have one. us a step and trajectory on one thread, median (and least) of {ROUNDS}
+rounds in turns; {Case.torch:g} s are simulated on the torch engine, compiled
+{" and ".join(seconds.values())} (B = 1 and 64).
 
 {aligned(rows(results))}{reasons(results)}"""
     return Section(text, results)
