@@ -34,7 +34,7 @@ from .runs.life import finish
 from .runs.parts import all_parts, npz_parts
 from .runs.pictures import check_pictures
 from .settings.checks import check_between, check_horizon
-from .settings.config import ScenarioLoopConfig
+from .settings.config import ScenarioLoopConfig, title_of
 from .settings.ensemble_config import EnsembleConfig
 from .settings.machine import check_workers
 
@@ -96,21 +96,14 @@ def _task(cfg: Any) -> None:
     rollouts, command = joined(parts), command_line("experiments.ensemble")
     plant, _ = build_plant(plain.plant)
     spread = spreads(plain.spread, plant)
-    title = ", ".join(
-        [
-            f"scenario {plain.scenario.name}",
-            *(plain.controller["name"], f"{plain.keys.name} keys"),
-            *(f"{name} ± {100 * size:g} %" for name, size in spread.items()),
-        ]
-    )
+    title = ", ".join([title_of(plain), *(f"{n} ± {100 * s:g} %" for n, s in spread.items())])
     alone, most = run_alone(spread), max(part.peak_mb for part in parts)
     told = Told(rollouts, title, alone, plain.initial.draw)
     note = f"{wall_s:.0f} s; a process took at most {most:.0f} MB."
     figures = write_ensembles(folder, {"": told}, command, note, plain.output)
     if plain.output.tensorboard:
         _log(folder, plain, command, rollouts, figures)
-    found = statistics(rollouts)
-    lost = len(rollouts) - int(rollouts.ok.sum())
+    lost, units = len(rollouts) - int(rollouts.ok.sum()), rollouts.outputs[:, 1].tolist()
     record = {
         "command": command,
         "alone": alone,
@@ -120,14 +113,15 @@ def _task(cfg: Any) -> None:
         "keys": plain.keys.name,
         "rollouts": len(rollouts),
         "diverged": lost,
-        "measures": found,
+        "outputs": [{"name": name, "unit": unit} for name, unit in rollouts.outputs.tolist()],
+        "measures": statistics(rollouts),
         "engine": ", ".join(sorted({part.engine for part in parts})),
         "peak_mb": most,
         "wall_s": wall_s,
-        "units": {"srmse": "rad", "srmse_after_10s": "rad", "wall_s": "s", "peak_mb": "MB"},
+        "units": {"srmse": units, "srmse_after_10s": units, "wall_s": "s", "peak_mb": "MB"},
     }
     finish(folder, record)
-    print(f"{title}: {len(rollouts)} rollouts, {note}\n{table(found)}")
+    print(f"{title}: {len(rollouts)} rollouts, {note}\n{table(rollouts)}")
     print(f"written to {folder}", flush=True)
     if lost:
         print(f"warning: {lost} rollouts diverged, see ensemble.md", file=sys.stderr)

@@ -1,6 +1,6 @@
 """Parts of one's own, compiled and on the torch engine: see `experiments.benchmark`.
 
-A planar arm of n links (`n_link`), and the attention of docs/extending.md.
+The arm of n links, and the attention of docs/extending.md.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Any
 import torch
 
 import mann_torch as mt
+from mann_torch.plants import NLinkArm
 from mann_torch.types import MemoryState
 
 from ..building.build import Experiment
@@ -34,7 +35,6 @@ from .measure import (
     threads,
     verdict,
 )
-from .n_link import NLinkArm, NLinkParameters
 from .row import error_of, run, slope_of, smooth_constants
 
 ENGINES = ("eager", "compiled")
@@ -58,8 +58,9 @@ def n_link(n: int, batch: int, horizon: float) -> Experiment:
     """The paper's controller on an arm of n links, together 2 m long and of 3.1 kg."""
     ones = torch.ones(n, dtype=torch.float64)
     memory = mt.WorkingMemory(5, 10, mt.ReallocatingAttention("initial"))
-    parameters = NLinkParameters(3.1 / n * ones, 2.0 / n * ones)
-    return _made(NLinkArm(n), memory, parameters, batch, horizon)
+    arm = NLinkArm(n)
+    parameters = arm.parameters_of(masses=3.1 / n * ones, lengths=2.0 / n * ones)
+    return _made(arm, memory, parameters, batch, horizon)
 
 
 def k_nearest(batch: int, horizon: float) -> Experiment:
@@ -155,11 +156,11 @@ def section() -> Section:
     """Every part in a process of its own."""
     results = [{**asdict(c), **in_process("parts", asdict(c))} for c in CASES]
     seconds = {c.batch: f"{c.compiled:g} s" for c in CASES}
-    text = f"""Written as a user would, for neither engine: a planar arm of n links
-(`experiments/benchmarking/n_link.py`) under the paper's controller, and the attention that
-docs/extending.md prints, on the paper's arm. Gradient to all constants that have one. us a step and
-trajectory on one thread, median (and least) of {ROUNDS} rounds in turns; {Case.torch:g} s are
-simulated on the torch engine, compiled {" and ".join(seconds.values())} (B = 1 and 64).
+    text = f"""Written for neither engine: a planar arm of n links (`NLinkArm`) under the paper's
+controller, and the attention that docs/extending.md prints, on the paper's arm. Gradient to all
+constants that have one. us a step and trajectory on one thread, median (and least) of {ROUNDS}
+rounds in turns; {Case.torch:g} s are simulated on the torch engine, compiled
+{" and ".join(seconds.values())} (B = 1 and 64).
 
 {aligned(rows(results))}{reasons(results)}"""
     return Section(text, results)

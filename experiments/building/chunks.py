@@ -10,7 +10,7 @@ import torch
 
 from mann_torch import rollout
 
-from ..ensembles.rollouts import Chunk
+from ..ensembles.rollouts import Chunk, drawn_of
 from ..records.recording import metrics_of
 from ..runs.workers import peak_mb
 from ..settings.config import ScenarioLoopConfig, SimulateConfig
@@ -42,6 +42,8 @@ def run_chunk(
 ) -> Chunk:
     """Compute some rollouts; only totals are kept."""
     made = experiment_of(cfg, first, count)
+    parameters = made.scenario.parameters
+    own = {name: getattr(parameters, name) for name in spreads(cfg.spread, made.loop.plant)}
     with torch.inference_mode():
         trajectory = rollout(
             made.loop,
@@ -58,7 +60,8 @@ def run_chunk(
     progress(count)
     return Chunk(
         number=np.arange(first, first + count),
-        masses=made.scenario.parameters.masses.numpy(),
+        outputs=np.array(trajectory.outputs, str),
+        **drawn_of({name: rows.numpy() for name, rows in own.items()}, count),
         engine=trajectory.engine,
         peak_mb=peak_mb(),
         **found,

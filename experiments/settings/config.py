@@ -7,6 +7,9 @@ from typing import Any
 
 from omegaconf import MISSING
 
+#: What a run is of where nothing is said.
+PAPERS_PLANT = "two_link_arm"
+
 
 @dataclass
 class KeysConfig:
@@ -119,6 +122,17 @@ class ScenarioLoopConfig(LoopConfig):
 class SimulateConfig(ScenarioLoopConfig):
     output: OutputConfig = field(default_factory=OutputConfig)
     draws: int = 1
+
+
+def title_of(cfg: ScenarioLoopConfig) -> str:
+    """What a run is of, in a few words."""
+    controller, plant = cfg.controller["name"], cfg.plant["name"]
+    words = [f"scenario {cfg.scenario.name}", controller, f"{cfg.keys.name} keys"]
+    if plant != PAPERS_PLANT:
+        words.insert(1, plant)
+    if cfg.controller.get("kind", MannConfig.kind) != MannConfig.kind:
+        words.pop()
+    return ", ".join(map(str, words))
 
 
 #: Nodes whose keys are told by what they name, not by a schema.

@@ -13,7 +13,7 @@ from .linear import LinearCoefficients, LinearParameters, LinearPlant, controlla
 from .mechanical import MechanicalPlant, Torque
 from .n_link_arm import NLinkArm, NLinkCoefficients, NLinkParameters
 from .pendulum import Pendulum, PendulumCoefficients, PendulumParameters
-from .plant import Field, Input, Plant
+from .plant import Field, Input, Plant, channels, zeros
 from .quadrotor import PlanarQuadrotor, QuadrotorParameters
 from .rohrs import RohrsPlant
 from .slotine_li_arm import SlotineLiArm, SlotineLiParameters, lumped
@@ -76,6 +76,8 @@ __all__ = [
     "WingRock",
     "WingRockParameters",
     "arm_parameters",
+    "channels",
     "controllable_form",
     "lumped",
+    "zeros",
 ]

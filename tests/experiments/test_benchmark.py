@@ -5,9 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
-import mann_torch as mt
 from experiments.benchmark import SECTIONS, page, sections_of
 from experiments.benchmarking import events as benchmark_events
 from experiments.benchmarking import lines as benchmark_lines
@@ -16,7 +14,6 @@ from experiments.benchmarking import start as benchmark_start
 from experiments.benchmarking.curves import linearity
 from experiments.benchmarking.lines import measured, table, verdicts
 from experiments.benchmarking.measure import Section, Times, in_turns, ratio_of
-from experiments.benchmarking.n_link import NLinkArm, NLinkParameters
 from experiments.benchmarking.row import PAPER, Line, measure
 from experiments.runs.workers import peak_mb
 
@@ -130,38 +127,3 @@ def test_sections_not_measured_stay_and_say_how_they_were_made() -> None:
     third = page({"start": Section("start 3", 0)}, second, "Made by `c`: there.")
     assert third.count("Made by `a`: here.") == len(SECTIONS) - 2
     assert third.count("Made by `b`: there.") == third.count("Made by `c`: there.") == 1
-
-
-def arm(n: int) -> tuple[NLinkArm, NLinkParameters, torch.Tensor, torch.Tensor]:
-    draw = torch.Generator().manual_seed(n)
-    masses, lengths, q, qd = torch.rand(4, 7, n, generator=draw, dtype=torch.float64) + 0.3
-    return NLinkArm(n), NLinkParameters(masses, lengths), 6.0 * q, qd
-
-
-def test_two_of_the_n_links_are_the_papers_arm() -> None:
-    mine, parameters, q, qd = arm(2)
-    other = mt.TwoLinkArm()
-    c, d = (
-        mine.coefficients(parameters),
-        other.coefficients(mt.arm_parameters(parameters.masses, parameters.lengths)),
-    )
-    for one, two in (
-        (mine.mass_matrix(q, c), other.mass_matrix(q, d)),
-        (mine.coriolis(q, qd, c), other.coriolis(q, qd, d)),
-        (mine.load(q, qd, c), other.load(q, qd, d)),
-        (mine.energy(mt.PlantState(q, qd), c), other.energy(mt.PlantState(q, qd), d)),
-    ):
-        torch.testing.assert_close(one, two, rtol=1e-12, atol=1e-12)
-
-
-@pytest.mark.parametrize("n", [3, 5])
-def test_n_links_keep_their_energy(n: int) -> None:
-    plant, parameters, q, qd = arm(n)
-    c = plant.coefficients(parameters)
-    _, rate = torch.func.jvp(lambda q: plant.mass_matrix(q, c), (q,), (qd,))
-    skew = rate - 2.0 * plant.coriolis(q, qd, c)
-    torch.testing.assert_close(skew, -skew.mT, rtol=0.0, atol=1e-12)
-    at_rest = torch.zeros_like(qd)
-    slope = torch.func.grad(lambda q: plant.energy(mt.PlantState(q, at_rest), c).sum())(q)
-    torch.testing.assert_close(plant.load(q, qd, c), slope, rtol=1e-12, atol=1e-12)
-    assert bool((torch.linalg.eigvalsh(plant.mass_matrix(q, c)) > 0).all())

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 import mann_torch as mt
-from experiments.benchmarking.n_link import NLinkArm
+from mann_torch.plants import NLinkArm
 
 LIMIT = 0.005  # [rad]
 

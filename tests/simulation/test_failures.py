@@ -8,7 +8,7 @@ import pytest
 import torch
 
 import mann_torch as mt
-from experiments.benchmarking.n_link import NLinkArm, NLinkParameters
+from mann_torch.plants import NLinkArm
 from tests.conftest import make_controller, make_loop, make_scenario
 from tests.simulation.broken import LIMIT, InfLoad, NaNLoad, SingularArm, SingularLinks, moved
 from tests.simulation.papers import side
@@ -30,8 +30,7 @@ def run_of(plant: mt.Plant, name: str = "nn", **options: object) -> mt.Trajector
         loop, scenario = mt.ClosedLoop(plant, make_controller(name)), make_scenario(0.15)
     else:
         loop = mt.ClosedLoop(plant, mt.MannController(3, 4))
-        ones = torch.ones(3, dtype=torch.float64)
-        scenario = mt.Scenario(mt.Sinusoid([1.0, 0.0, 0.0]), NLinkParameters(ones, ones), 0.15)
+        scenario = mt.Scenario(mt.Sinusoid([1.0, 0.0, 0.0]), plant.parameters_of(), 0.15)
     with torch.no_grad():
         return mt.rollout(loop, scenario, **options)
 

@@ -13,8 +13,7 @@ import torch
 from torch import Tensor, nn
 
 import mann_torch as mt
-from experiments.benchmarking.n_link import NLinkArm, NLinkParameters
-from mann_torch.plants import ArmCoefficients
+from mann_torch.plants import ArmCoefficients, NLinkArm
 from mann_torch.simulation.solvers.solver import Flow, Solver
 from mann_torch.types import (
     ControllerState,
@@ -148,7 +147,7 @@ def loop(name: str) -> tuple[mt.ClosedLoop, mt.Scenario, mt.Solver | None]:
     controller = mt.MannController(links, 6, memory(attention))
     amplitude = [0.4 / (1 + i) for i in range(links)]
     sizes = torch.linspace(1.0, 0.6, links, dtype=torch.float64)
-    parameters = NLinkParameters(sizes, 1.2 * sizes)
+    parameters = NLinkArm(len(sizes)).parameters_of(masses=sizes, lengths=1.2 * sizes)
     return (
         mt.ClosedLoop(NLinkArm(links), controller),
         mt.Scenario(mt.Sinusoid(amplitude), parameters, 0.4),
