@@ -15,9 +15,9 @@ class Registry(MutableMapping[str, type[Kind]], Generic[Kind]):
     """Classes of one interface by name.
 
     A package of one's own adds to them by an entry point of the group `mann_torch.plants` or the
-    like; it is found when its name is first looked for, and loaded then. Raises `ConfigError` for an unknown
-    name, an entry point that can't be loaded, that names no such class, or takes a name that
-    another has.
+    like; it is found when its name is first looked for, and loaded then. Raises `ConfigError` for
+    an unknown name, an entry point that can't be loaded, that names no such class, or takes a name
+    that another has.
     """
 
     def __init__(self, what: str, interface: type, own: Mapping[str, type[Kind]]) -> None:
