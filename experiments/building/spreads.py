@@ -27,14 +27,14 @@ def spreads(node: Any, plant: Plant) -> dict[str, float]:
     """Spread of each parameter that has one, in the plant's order. Raises `ConfigError`."""
     given = {name: value for name, value in mapping("spread", node).items() if value is not None}
     for name, value in given.items():
+        if name not in plant.fields:
+            hint = f"the plant, unless spread.{name}=null"
+            raise unknown("spread", name, hint, plant.fields)
         told = f"spread.{name} = {value}"
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ConfigError(f"{told}: give a number, or null for none")
         if not (math.isfinite(value) and 0 <= value < 1):
             raise ConfigError(f"{told}: must be >= 0 and < 1")
-        if name not in plant.fields:
-            hint = f"the plant, unless spread.{name}=null"
-            raise unknown("spread", name, hint, plant.fields)
     return {name: float(given[name]) for name in plant.fields if name in given}
 
 
