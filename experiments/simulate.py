@@ -137,6 +137,7 @@ def _task(cfg: Any) -> None:
         **metrics,
         "wall_s": wall_s,
         "scenario": plain.scenario.name,
+        "plant": plain.plant["name"],
         "controller": plain.controller["name"],
         "keys": plain.keys.name,
         "solver": trajectory.solver,
