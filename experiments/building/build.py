@@ -24,7 +24,7 @@ from .parts import build_noise, build_parts
 from .plants import build_plant, build_start
 from .schedules import schedules
 from .signals import build_disturbance, build_reference
-from .sizes import check_noise, check_rollouts, check_steps
+from .sizes import check_noise, check_rollouts, check_states, check_steps
 from .solvers import build_solver
 from .weights import check_draws, initial_weights
 
@@ -51,13 +51,15 @@ def build(cfg: SimulateConfig, draws: Sequence[int] | None = None) -> Experiment
     check_rollouts(f"draws = {len(draws)}", cfg, plant, len(draws))
     alone = build_scenario(cfg, plant, parameters)
     loop = build_loop(cfg, plant)
+    if alone.batch_shape != () or loop.batch_shape() != ():
+        raise ConfigError("rows of rows where one row is asked for: a configuration is one task")
     if is_mann(cfg):
         _check_unused(cfg, plant)
     solver = build_solver(cfg.solver)
     check_steps(alone.end, solver.dt)
     check_engine(loop, alone, solver, cfg.solver.engine, cfg.solver.device)
     weights = initial_weights(cfg, loop.controller, draws)
-    _check_start(cfg, loop, alone, weights)
+    check_states(f"draws = {len(draws)}", _start(cfg, loop, alone, weights), len(draws))
     scenario = _of_draws(cfg, loop, alone, draws, weights, solver.dt)
     return Experiment(loop, scenario, solver, weights, alone)
 
@@ -102,12 +104,13 @@ def build_scenario(cfg: SimulateConfig, plant: Plant, parameters: Any) -> Scenar
     """The scenario, unbatched and without noise. Raises `ConfigError`, for one of another plant."""
     horizon = cfg.scenario.horizon if cfg.horizon is None else cfg.horizon
     check_horizon(horizon)
-    where, node = "reference", cfg.reference
-    if node is None:
-        where, node = "scenario.reference", cfg.scenario.reference
-    if node is None:
+    nodes = {"scenario.reference": cfg.scenario.reference, "reference": cfg.reference}
+    given = {where: node for where, node in nodes.items() if node is not None}
+    if not given:
         raise ConfigError(f"scenario '{cfg.scenario.name}' has no reference: choose reference=...")
-    reference = build_reference(where, node, len(plant.outputs))
+    width = len(plant.outputs)
+    every = {where: build_reference(where, node, width) for where, node in given.items()}
+    where, reference = list(every.items())[-1]  # what is not used has been checked, too
     if reference.width != len(plant.outputs):
         names = ", ".join(channel.name for channel in plant.outputs)
         raise ConfigError(
@@ -126,12 +129,15 @@ def build_scenario(cfg: SimulateConfig, plant: Plant, parameters: Any) -> Scenar
     )
 
 
-def _check_start(cfg: LoopConfig, loop: ClosedLoop, scenario: Scenario, weights: Any) -> None:
-    """Raise `ConfigError` where controller, plant and signals do not go together."""
+def _start(cfg: LoopConfig, loop: ClosedLoop, scenario: Scenario, weights: Any) -> Any:
+    """State and mode that one draw starts from.
+
+    Raises `ConfigError` where controller, plant and signals do not go together.
+    """
     first = map_tensors(lambda leaf: leaf[0], weights)
     try:
         with torch.inference_mode():
-            start_of(loop, scenario, first)
+            return start_of(loop, scenario, first)
     except (AttributeError, TypeError, IndexError) as error:
         raise ConfigError(
             f"controller '{cfg.controller.get('name')}' can't control plant "

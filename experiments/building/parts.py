@@ -8,6 +8,8 @@ from typing import Any
 import torch
 
 from mann_torch import MeasurementNoise
+from mann_torch.checks import whole
+from mann_torch.errors import ConfigError
 from mann_torch.parts import MODELS, Actuator, Clock, ReferenceModel, Sensor
 from mann_torch.plants import Plant
 
@@ -57,11 +59,13 @@ def build_noise(cfg: LoopConfig, draws: Sequence[int]) -> MeasurementNoise | Non
             raise unknown("sensor.noise", name, "noise", _NOISE)
     if not given:
         return None
-    first = given.pop("seed", 1000)
+    first = whole("sensor.noise.seed", given.pop("seed", 1000), least=0)
     noise: MeasurementNoise = made("sensor.noise", MeasurementNoise, given, {"seed": first})
     if not bool(noise.std.any()):
         return None
-    if not int(noise.seed.max()) < 1 << 62:
-        raise unknown("sensor.noise", "seed", "noise", ("seed < 2^62",))
+    if noise.std.dim() != 1:
+        raise ConfigError("sensor.noise.std: give one row, a number a field or a number of it")
+    if first >= 1 << 62:
+        raise ConfigError(f"sensor.noise.seed = {first}: must be < 2^62")
     seeds = torch.tensor([first + draw for draw in draws])
     return MeasurementNoise(noise.std.expand(len(draws), -1), seeds, noise.rate)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from mann_torch import MeasurementNoise
 from mann_torch.errors import ConfigError
@@ -44,6 +45,12 @@ def check_rollouts(what: str, cfg: LoopConfig, plant: Plant, count: int) -> None
         if mann_settings(cfg).attention is not None:
             sizes += f", memory.n_slots = {cfg.memory.n_slots}"
     check_memory(f"{what} with {sizes}", _COPIES * count * rollout_bytes(cfg, plant))
+
+
+def check_states(what: str, start: Any, count: int) -> None:
+    """The same, for what one of them starts from: settings do not tell of every part's state."""
+    size = sum(leaf.numel() for leaf in leaves(start))
+    check_memory(what, float(_COPIES) * count * _FLOAT * size)
 
 
 def check_steps(horizon: float, dt: float) -> None:

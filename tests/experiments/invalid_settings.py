@@ -17,7 +17,10 @@ COMMANDS = (
 #: How often each is asked: the quick ones more.
 SHARE = (6, 4, 2, 3, 4, 5, 5)
 #: Numbers that may be anything finite, or that nothing computes with.
-_ANY_SIGN = ("amplitude", "frequency", "offset", "q", "qd", "gravity", "paper", "paper_reduction")
+_ANY_SIGN = (
+    *("amplitude", "frequency", "offset", "q", "qd", "paper", "paper_reduction", "phase"),
+    *("weights", "velocities", "accelerations", "centers", "times", "gravity"),
+)
 #: Sizes that no machine has room for, and counts that no one lives to see the end of.
 _SIZES = (
     "draws",
@@ -38,6 +41,21 @@ _SIZES = (
     "n_keys",
     "iterations",
     "visits",
+)
+#: Commands of one scenario of one loop, and other loops than the default one.
+OF_LOOPS = ("simulate", "ensemble", "gradient_report")
+LOOPS = (
+    (
+        *("plant=pendulum", "scenario=plain", "controller=linear_feedback", "actuator=lagged"),
+        *("sensor=sampled", "clock=periodic", "model=second_order", "disturbance=input"),
+        *("reference=square_wave", "sensor.noise={std:[1e-3,1e-2],rate:100.0,seed:3}"),
+    ),
+    (
+        *("plant=n_link_arm", "scenario=plain", "reference=sinusoid", "network=radial_basis"),
+        *("law=gradient", "sensor=noisy", "actuator=limited"),
+    ),
+    ("plant=wing_rock", "scenario=plain", "controller=linear_feedback", "reference=smooth_steps"),
+    ("plant=planar_quadrotor", "scenario=plain", "controller=nn", "disturbance=wind"),
 )
 #: What only goes wrong together.
 TOGETHER = {
@@ -186,14 +204,20 @@ TOGETHER = {
 def invalid(count: int, seed: int) -> Iterator[tuple[str, list[str]]]:
     """`count` command lines, each a command and arguments that it has to refuse."""
     chance = random.Random(seed)
-    leaves = {command: list(_leaves(compose_job(command, []))) for command in COMMANDS}
+    chosen = {command: [(), *(LOOPS if command in OF_LOOPS else ())] for command in COMMANDS}
+    leaves = {
+        (command, how): list(_leaves(compose_job(command, [*how])))
+        for command in COMMANDS
+        for how in chosen[command]
+    }
     for _ in range(count):
         (command,) = chance.choices(COMMANDS, SHARE)
         if chance.random() < 0.25:
             yield command, list(chance.choice(TOGETHER[command]))
             continue
-        name, value = chance.choice(leaves[command])
-        yield command, [f"{name}={chance.choice(_spoiled(name, value))}"]
+        how = chance.choice(chosen[command])
+        name, value = chance.choice(leaves[command, how])
+        yield command, [*how, f"{name}={chance.choice(_spoiled(name, value))}"]
 
 
 def too_large(command: str) -> Iterator[list[str]]:
@@ -226,7 +250,7 @@ def _spoiled(name: str, value: Any) -> list[str]:
     if isinstance(value, list):
         bad = ["[nan,1]", "[1,inf]", "[true,1]", "[a,b]", "foo", "{a:1}"]
         return bad if own in _ANY_SIGN else [*bad, "[-1,1]"]
-    bad = ["nan", "inf", "-inf", "true", "foo", "[1,2,3]", "{a:1}", "1e", "''"]
+    bad = ["nan", "inf", "-inf", "true", "foo", "[1,2,3,4,5]", "{a:1}", "1e", "''"]
     if own not in _ANY_SIGN:
         bad.append("-1")
     if name in _SIZES:
