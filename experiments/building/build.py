@@ -137,7 +137,7 @@ def _start(cfg: LoopConfig, loop: ClosedLoop, scenario: Scenario, weights: Any) 
     first = map_tensors(lambda leaf: leaf[0], weights)
     try:
         with torch.inference_mode():
-            return start_of(loop, scenario, first)
+            return start_of(loop, scenario, first)[:2]
     except (AttributeError, TypeError, IndexError) as error:
         raise ConfigError(
             f"controller '{cfg.controller.get('name')}' can't control plant "

@@ -92,7 +92,7 @@ def test_the_estimate_is_the_size_of_a_state() -> None:
         chosen = [f"controller={controller}", f"keys={keys}", f"plant={plant}", "scenario=plain"]
         plain = checked(compose_job("simulate", chosen))
         made = build(plain)
-        state, _ = start_of(made.loop, made.scenario, made.weights)
+        state = start_of(made.loop, made.scenario, made.weights)[0]
         numbers = sum(leaf.numel() for leaf in leaves(state))
         assert rollout_bytes(plain, made.loop.plant) == 8 * numbers
 
