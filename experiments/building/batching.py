@@ -54,12 +54,11 @@ def alike(plant: Plant, scenarios: Sequence[Scenario]) -> list[Scenario]:
         raise ConfigError("scenarios of one batch: all with a disturbance, or none")
     found = []
     for scenario in scenarios:
-        schedule = {name: scenario.schedule.get(name) for name in moved}
-        for name, own in schedule.items():
-            if own is None:
-                rows = getattr(scenario.parameters, name)
-                times = rows.new_zeros((*rows.shape[:-1], 0))
-                schedule[name] = PiecewiseConstant(times, rows.unsqueeze(-2))
+        schedule = dict(scenario.schedule)
+        for name in (name for name in moved if name not in schedule):
+            rows = getattr(scenario.parameters, name)
+            times = rows.new_zeros((*rows.shape[:-1], 0))
+            schedule[name] = PiecewiseConstant(times, rows.unsqueeze(-2))
         start = plant.rest() if scenario.start is None else scenario.start
         found.append(dataclasses.replace(scenario, schedule=schedule, start=start))
     return found

@@ -11,6 +11,7 @@ import torch
 
 from mann_torch import ClosedLoop, Scenario, Solver
 from mann_torch.errors import ConfigError
+from mann_torch.functional import as_float64
 from mann_torch.plants import Plant
 from mann_torch.simulation import check_engine
 from mann_torch.simulation.starting import start_of
@@ -169,5 +170,5 @@ def _of_draws(
         check_noise(noise, widths, alone.end, dt)
         return dataclasses.replace(alone, noise=noise)
     if weights is None:
-        return dataclasses.replace(alone, horizon=alone.horizon.expand(len(draws)))
+        return dataclasses.replace(alone, horizon=as_float64(alone.horizon).expand(len(draws)))
     return alone

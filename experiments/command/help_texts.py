@@ -31,7 +31,7 @@ HELP = {
             "example": "scenario=5 controller=soft draws=3",
             "sweep": "-m scenario=1,4 controller=nn,soft",
             "plant": "plant=pendulum scenario=plain reference=minimum_jerk controller=hard",
-            "payload": "scenario.schedule.masses=[{at:10,add:0.5,entry:2}]",
+            "payload": "scenario.schedule.masses=[[10,[1,1.2]]]",
         },
         LOOP,
     ),
