@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import inspect
 from collections.abc import Mapping
 from typing import Any, cast
 
@@ -21,15 +22,23 @@ from mann_torch.control import (
     equal_parameter_hidden,
 )
 from mann_torch.errors import ConfigError
-from mann_torch.memory import ATTENTIONS, KEY_RULES, WorkingMemory
+from mann_torch.memory import (
+    ATTENTIONS,
+    KEY_RULES,
+    Attention,
+    ReallocatingAttention,
+    StateKeys,
+    WorkingMemory,
+)
 from mann_torch.plants import Plant
 
 from ..settings.checks import holds_truth
 from ..settings.config import LoopConfig, MannConfig
-from .made import arguments, kind_of, made, mapping
+from .made import arguments, kind_of, made, mapping, unknown
 
 #: A controller of the paper's kind has these parts beside its own settings.
 _PARTS = ("network", "law")
+_OF_MANN = tuple(MannConfig.__dataclass_fields__)
 
 
 def kind_name(cfg: LoopConfig) -> str:
@@ -47,16 +56,24 @@ def is_mann(cfg: LoopConfig) -> bool:
 
 def mann_settings(cfg: LoopConfig) -> MannConfig:
     """What `controller` says of the paper's kind. Raises `ConfigError`."""
+    own = {k: v for k, v in cfg.controller.items() if k in _OF_MANN}
     try:
-        merged = OmegaConf.merge(OmegaConf.structured(MannConfig), dict(cfg.controller))
+        merged = OmegaConf.merge(OmegaConf.structured(MannConfig), own)
         return cast(MannConfig, OmegaConf.to_object(merged))
     except OmegaConfBaseException as error:
-        key = str(getattr(error, "full_key", "") or "")
-        lines = str(error).strip().splitlines()
-        if key and key not in MannConfig.__dataclass_fields__:
-            known = ", ".join(MannConfig.__dataclass_fields__)
-            raise ConfigError(f"unknown setting 'controller.{key}'; choose from {known}") from None
-        raise ConfigError(f"controller.{key}: {lines[0] if lines else error}") from None
+        key, told = getattr(error, "full_key", ""), str(error).strip().splitlines()[0]
+        raise ConfigError(f"controller.{key}: {told}") from None
+
+
+def _attention(cfg: LoopConfig, settings: MannConfig) -> Attention | None:
+    """The attention that is named, made with what else `controller` holds. Raises `ConfigError`."""
+    given = arguments("controller", mapping("controller", cfg.controller), _OF_MANN)
+    kind = None if settings.attention is None else ATTENTIONS[settings.attention]
+    takes = [] if kind is None else [n for n in inspect.signature(kind).parameters if n != "phase"]
+    for name in given:
+        if name not in takes:
+            raise unknown("controller", name, "a controller of this kind", [*_OF_MANN, *takes])
+    return None if kind is None else made("controller", kind, given, {"phase": settings.phase})
 
 
 def hidden_neurons(cfg: LoopConfig, n: int) -> int:
@@ -87,14 +104,13 @@ def build_controller(cfg: LoopConfig, plant: Plant) -> Controller:
     n = len(plant.outputs)
     network = _network(cfg, n)
     n_hidden = hidden_neurons(cfg, n) if network is None else network.n_hidden
-    memory = None
-    if settings.attention is not None:
-        attention, rule = str(settings.attention), cfg.keys.name
+    memory, attention = None, _attention(cfg, settings)
+    if attention is not None:
         memory = WorkingMemory(
             cfg.memory.n_slots,
             n_hidden,
-            made("controller", ATTENTIONS[attention], {}, {"phase": settings.phase}),
-            made("keys", KEY_RULES[rule], {}, {}),
+            attention,
+            made("keys", KEY_RULES[cfg.keys.name], {}, {}),
             context_width=n,
             reset=cfg.memory.reset,
         )
@@ -126,8 +142,6 @@ def _network(cfg: LoopConfig, n: int) -> FeatureNetwork | None:
 @functools.cache
 def paper_constants() -> frozenset[str]:
     """Names that some controller of the paper's has: one that lacks them does not use them."""
-    from mann_torch.memory import ReallocatingAttention, StateKeys
-
     memory = WorkingMemory(1, 1, ReallocatingAttention(), StateKeys(), context_width=1)
     return frozenset(MannController(1, 1, memory).constants())
 

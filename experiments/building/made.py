@@ -33,8 +33,6 @@ def arguments(
     """What a node gives beside its labels, None left out. Raises `ConfigError`, `KindError`."""
     given = {k: v for k, v in node.items() if k not in labels and v is not None}
     for name, value in given.items():
-        if isinstance(value, int) and abs(value) > MOST and name != "seed":
-            raise ConfigError(f"{where}.{name} = {value}: at most {MOST}")
         if isinstance(value, list) and holds_truth(value):
             raise KindError(f"{where}.{name} = {value}: give numbers, and a truth value is none")
     return given
@@ -79,6 +77,10 @@ def made(where: str, kind: Any, given: Mapping[str, Any], supplied: Mapping[str,
     missing = [n for n, p in takes.items() if p.default is p.empty and n not in passed]
     if missing:
         raise ConfigError(f"{where}.{missing[0]} is missing: {_title(kind)} asks for it")
+    for name, value in given.items():
+        size = takes[name].annotation in ("int", int) and name != "seed"
+        if size and isinstance(value, int) and abs(value) > MOST:
+            raise ConfigError(f"{where}.{name} = {value}: at most {MOST}")
     return named(where, passed, lambda: maker(**passed))
 
 

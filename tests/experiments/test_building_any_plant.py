@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -20,6 +21,7 @@ from experiments.command.conf_files import CONF, group_names
 from experiments.settings.config import SimulateConfig
 from mann_torch.control import CONTROLLERS, LAWS, NETWORKS
 from mann_torch.errors import ConfigError
+from mann_torch.memory import ATTENTIONS
 from mann_torch.parts import MODELS
 from mann_torch.plants import PLANTS
 from mann_torch.registry import Registry
@@ -85,6 +87,36 @@ def test_a_plants_file_says_what_its_class_does(name: str) -> None:
 def test_every_reference_drives_a_plant_of_one_output(name: str) -> None:
     scenario = made_of(*PENDULUM, f"reference={name}", "model=second_order").scenario
     assert type(scenario.reference) is REFERENCES[name] and scenario.reference.width == 1
+
+
+def test_a_spline_goes_through_the_samples_of_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "way.csv"
+    path.write_text("t,q\n0,0.1\n1,0.4\n2,-0.2\n3,0\n")
+    for degree in (3, 5):
+        how = ("reference=spline", f"reference.path={path}", f"reference.degree={degree}")
+        reference = made_of(*PENDULUM, *how).scenario.reference
+        at = reference(torch.tensor([0.0, 1.0, 2.0, 3.0], dtype=torch.float64)).value
+        assert at[:, 0].tolist() == pytest.approx([0.1, 0.4, -0.2, 0.0], abs=1e-12)
+
+
+def test_a_large_number_is_no_size() -> None:
+    heavy = made_of(*PENDULUM, "plant.mass=5000", "scenario.start.q=2000").scenario
+    assert heavy.parameters.mass.tolist() == [5000.0] and heavy.start.q.tolist() == [2000.0]
+    with pytest.raises(ConfigError, match=r"plant.n_joints = 5000: at most 1000"):
+        made_of("plant=n_link_arm", "scenario=plain", "plant.n_joints=5000")
+
+
+def test_an_attention_of_ones_own_has_its_arguments(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Sharp(mt.SoftAttention):
+        def __init__(self, sharpness: float = 1.0) -> None:
+            super().__init__()
+            self.sharpness = sharpness
+
+    monkeypatch.setitem(ATTENTIONS, "sharp", Sharp)
+    controller = made_of("controller=soft", "controller.attention=sharp", "controller.sharpness=3")
+    assert controller.loop.controller.memory.attention.sharpness == 3  # type: ignore[attr-defined]
+    with pytest.raises(ConfigError, match=r"did you mean controller.sharpness\?"):
+        made_of("controller=soft", "controller.attention=sharp", "controller.sharpnes=3")
 
 
 def test_one_number_stands_for_all_outputs() -> None:
