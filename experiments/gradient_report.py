@@ -32,7 +32,7 @@ from .runs.life import finish
 from .runs.pictures import check_pictures, linked, save_all
 from .runs.progress import progress_bar
 from .runs.writing import csv_text, write_text
-from .settings.config import ScenarioLoopConfig, SimulateConfig
+from .settings.config import ScenarioLoopConfig, SimulateConfig, title_of
 from .settings.study_config import GradientReportConfig
 
 if TYPE_CHECKING:
@@ -78,12 +78,12 @@ def checked(cfg: Any) -> tuple[GradientReportConfig, Ensemble, Coordinates]:
     )
     ensemble = ensemble_of(plain, [simulated], range(plain.draws))
     ensemble = dataclasses.replace(ensemble, effort_after=None)
-    controller = ensemble.loop.controller
-    names = [name for name in plain.names if name in controller.constants()]
+    loop = ensemble.loop
+    names = [name for name in plain.names if name in loop.constants()]
     for name in (*plain.names, *plain.control):
         if name not in paper_constants():
-            controller.constant(name)  # says which there are; one that only this lacks is left out
-    return plain, ensemble, Coordinates(controller, names, "scalar")
+            loop.constant(name)  # says which there are; one that only this lacks is left out
+    return plain, ensemble, Coordinates(loop, names, "scalar")
 
 
 def _task(cfg: Any) -> None:
@@ -101,7 +101,7 @@ def _task(cfg: Any) -> None:
 
         findings = estimate_all(plain, ensemble, coordinates, progress)
     wall_s = time.perf_counter() - start
-    title = f"scenario {plain.scenario.name}, {plain.controller['name']}"
+    title = title_of(plain)
     figures: dict[str, Figure] = {}
     if plain.output.figures:
         figures = {"landscape": landscapes(findings, title), "norms": norms(findings, title)}

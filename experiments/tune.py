@@ -74,7 +74,7 @@ def tuner_of(cfg: TuneConfig) -> Tuner:
         raise ConfigError(
             f"names: {', '.join(shared)} differ between train.scenarios: give one in `start`"
         )
-    coordinates = Coordinates(ensemble.loop.controller, cfg.names, cfg.matrix_form)
+    coordinates = Coordinates(ensemble.loop, cfg.names, cfg.matrix_form)
     schedule = asdict(cfg.schedule)
     try:
         schedule["curriculum"] = [(int(a), float(b)) for a, b in cfg.schedule.curriculum]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from .config import LoopConfig, PicturesConfig, ScenarioConfig
+from .config import LoopConfig, PicturesConfig, ScenarioLoopConfig
 
 
 @dataclass
@@ -81,10 +81,9 @@ class TuneConfig(StudyConfig):
 
 
 @dataclass
-class GradientReportConfig(StudyConfig):
+class GradientReportConfig(StudyConfig, ScenarioLoopConfig):
     """Every gradient mode against differences, constant by constant."""
 
-    scenario: ScenarioConfig = field(default_factory=ScenarioConfig)
     draws: int = 10
     of_output: int = 1  # number of the output whose SRMSE is differentiated; 0 for all together
     names: list[str] = field(default_factory=list)  # constants to differentiate by

@@ -107,10 +107,10 @@ def held_out_ensembles(cfg: TuneConfig, of: SetConfig) -> dict[str, Ensemble]:
 
 def check_candidates(ensemble: Ensemble, candidates: Sequence[Candidate]) -> None:
     """Raise `ConfigError` for a constant that does not exist or can't have its value."""
-    controller = ensemble.loop.controller
+    loop = ensemble.loop
     for candidate in candidates:
         for name, value in candidate.values.items():
-            domain, event = controller.domain(name), controller.constant(name).shape
+            domain, event = loop.domain(name), loop.constant(name).shape
             domain.check(f"{candidate.name}: {name}", domain.coerce(value, event))
 
 
@@ -120,12 +120,12 @@ def evaluate(
     progress: Callable[[int], object] | None = None,
 ) -> Score:
     """Scores (C, draws) of all candidates from one batch."""
-    controller = ensemble.loop.controller
+    loop = ensemble.loop
     names = {name for candidate in candidates for name in candidate.values}
     values = {}
     for name in sorted(names):
-        start = controller.constant(name).detach()
-        domain = controller.domain(name)
+        start = loop.constant(name).detach()
+        domain = loop.domain(name)
         rows = [domain.coerce(c.values.get(name, start), start.shape) for c in candidates]
         values[name] = torch.stack(rows).unsqueeze(1)
     return ensemble.scores(values, progress)

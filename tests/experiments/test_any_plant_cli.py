@@ -154,14 +154,18 @@ def test_gradients_of_another_plant_under_another_controller(
     assert (
         run(
             *(monkeypatch, "gradient_report", "plant=wing_rock", "scenario=plain", "draws=2"),
-            *("controller=linear_feedback", "names=[feedback]", "control=[]", "steps=[0.1]"),
+            *("controller=linear_feedback", "names=[feedback,lag]", "control=[]", "steps=[0.1]"),
+            "actuator=lagged",
             *("temperatures=[]", "horizons=[0.2]", "horizon=0.5", "pairs=2", *QUIET, "run_dir=run"),
         )
         == 0
     )
     with (tmp_path / "run" / "elasticities.csv").open() as file:
-        found = {row["mode"]: float(row["elasticity"]) for row in csv.DictReader(file)}
-    assert found["plain"] == pytest.approx(found["fd 10 %"], rel=0.02)
+        rows = list(csv.DictReader(file))
+    found = {(row["constant"], row["mode"]): float(row["elasticity"]) for row in rows}
+    for name in ("feedback", "lag"):  # of the controller, and of another part of the loop
+        assert found[name, "plain"] == pytest.approx(found[name, "fd 10 %"], rel=0.02)
+        assert found[name, "plain"] != 0.0
 
 
 def test_an_ensemble_of_another_plant_tells_its_parameters(

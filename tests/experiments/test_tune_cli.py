@@ -124,7 +124,7 @@ def test_restarts_end_in_a_table_that_tells_the_best(
 BAD = {
     "restart=-1": "restart = -1",
     "restart_spread=0": "restart_spread",
-    "names=[c_w]": "unknown setting 'constants.c_w'",
+    "names=[c_w]": "no design constant 'c_w'",
     "names=[]": "no constant to tune",
     "names=[e_modification]": "can't be tuned from 0",
     "start={rate_W:-1}": "rate_W = -1",
