@@ -8,7 +8,7 @@ from torch import Tensor
 from ..checks import whole
 from ..constraints import DesignModule, FiniteRow, PositiveRow
 from ..errors import ConfigError, DomainError
-from ..functional import Numbers
+from ..functional import Numbers, as_float64
 from ..types import InputGains
 
 
@@ -43,7 +43,8 @@ class Actuator(DesignModule):
         if rate_limit is not None and lag is None:
             raise ConfigError("actuator rate_limit: give a lag [s] too, whose rate it bounds")
         if limit is not None:
-            self.declare("upper", limit, PositiveRow(), (m,))
+            size = PositiveRow().check("actuator limit", as_float64(limit, "limit").detach())
+            self.declare("upper", size, PositiveRow(), (m,))
             self.declare("lower", -self.constant("upper").detach(), FiniteRow(), (m,))
         for name, value, domain in (
             ("lower", lower, FiniteRow()),

@@ -7,7 +7,7 @@ from abc import abstractmethod
 import torch
 from torch import Tensor
 
-from ..checks import whole
+from ..checks import number, whole
 from ..constraints import DesignModule, FiniteRow, PositiveRow
 from ..errors import ShapeError
 from ..functional import Numbers, as_float64, times_column
@@ -85,6 +85,7 @@ class LinearModel(ReferenceModel):
     @classmethod
     def first_order(cls, rate: float, gain: float = 1.0, start: float = 0.0) -> LinearModel:
         """x_m' = -rate x_m + rate gain r, of one output: gain rate/(s + rate)."""
+        rate, gain, start = number("rate", rate), number("gain", gain), number("start", start)
         return cls([[-rate]], [[rate * gain]], start=[start])
 
     def _declare(self, name: str, value: Tensor, shape: tuple[int, int]) -> None:

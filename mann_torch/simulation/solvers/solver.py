@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from typing import Protocol
 
 from torch import Tensor
 
 from ...checks import POSITIVE, flag, number
+from ...interface import Interface
 from ...stiff import StiffBlock
 
 
@@ -21,7 +22,7 @@ class Flow(Protocol):
         """dy/dt (..., M) and the stiff block of the plant's state, None where nothing is stiff."""
 
 
-class Solver(ABC):
+class Solver(Interface):
     """Interface of every solver. `dt` [s] is the step, and the interval of decisions.
 
     With `compile`, the rollout runs what `fuses_step` says through `torch.compile`.
