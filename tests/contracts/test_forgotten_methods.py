@@ -44,5 +44,5 @@ def test_the_one_that_is_forgotten_is_named_alone(interface: type) -> None:
 
 
 def test_no_interface_of_the_library_is_left_out() -> None:
-    kinds = [kind for kind in Interface.__subclasses__() if kind.__module__.startswith("mann_torch")]
-    assert set(kinds) <= set(INTERFACES)
+    kinds = set(Interface.__subclasses__())
+    assert {kind for kind in kinds if kind.__module__.startswith("mann_torch")} <= set(INTERFACES)
