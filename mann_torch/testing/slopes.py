@@ -1,0 +1,138 @@
+"""Gradients of a part's function: there, finite, and what differences say; constants a sample."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+
+import torch
+from torch import Tensor, nn
+
+from ..constraints import DesignModule
+from .forms import called
+from .functions import ROUNDING, SAMPLES, Tried, apart
+from .telling import broken
+
+#: Of a derivative by differences: step, and the largest error of the largest slope.
+STEP, DIFFERENCES = 1e-6, 1e-4
+_Result = Callable[[Tensor], list[Tensor]]
+_MEND = "let gradients through: no .detach(), .item(), .data or no_grad"
+
+
+def pattern(like: Tensor) -> Tensor:
+    """Different numbers of one size, so that nothing cancels."""
+    return torch.sin(1.0 + torch.arange(like.numel(), dtype=like.dtype)).reshape(like.shape)
+
+
+def total(parts: Sequence[Tensor]) -> Tensor:
+    """One number of all floating ones."""
+    sums = [(pattern(x) * x).sum() for x in parts if x.is_floating_point()]
+    return torch.stack(sums).sum() if sums else torch.zeros((), dtype=torch.float64)
+
+
+def slope(function: Callable[[Tensor], Tensor]) -> Tensor:
+    """d function/d s at s = 0 by backpropagation; 0 where no gradient comes back."""
+    s = torch.zeros((), dtype=torch.float64, requires_grad=True)
+    with torch.enable_grad():
+        value = function(s)
+    if not value.requires_grad:
+        return torch.zeros_like(s)
+    (found,) = torch.autograd.grad(value, s, materialize_grads=True)
+    return found
+
+
+def check_slope(
+    part: object, line: int | str, told: tuple[str, str], along: Callable[[Tensor], Tensor]
+) -> None:
+    """Raise `InterfaceError` where backpropagation and differences along a way disagree.
+
+    `told` is what is differentiated, and by what.
+    """
+    what, name = told
+    zero = torch.zeros((), dtype=torch.float64)
+    found = called(part, line, f"a gradient by {name}", partial(slope, along))
+    if not bool(found.isfinite()):
+        raise broken(
+            part,
+            line,
+            f"the gradient of {what} by {name} is not finite",
+            "`where` leaks NaN gradients: guard the arguments of what is not chosen",
+        )
+    by_steps = (along(zero + STEP) - along(zero - STEP)) / (2.0 * STEP)
+    if apart([found], [by_steps]) > DIFFERENCES:
+        raise broken(
+            part,
+            line,
+            f"the gradient of {what} by {name} is not what finite differences give",
+            _MEND,
+        )
+
+
+def check_slopes(tried: Tried, names: Sequence[str]) -> None:
+    """By each argument that has a name."""
+    for at, name in enumerate(names):
+        if not name or not tried.arguments[at].numel():
+            continue
+
+        def along(s: Tensor, at: int = at) -> Tensor:
+            given = list(tried.arguments)
+            given[at] = given[at] + s * pattern(given[at])
+            return total(tried(given))
+
+        check_slope(tried.part, tried.line, (tried.what, name), along)
+
+
+def constants_of(part: nn.Module) -> Iterator[tuple[str, DesignModule, str]]:
+    """Path, owner and name of each design constant."""
+    for path, module in part.named_modules():
+        if isinstance(module, DesignModule):
+            for name in module.domains():
+                yield path, module, name
+
+
+def check_constants(tried: Tried, line: int | str) -> None:
+    """Gradients reach every constant, and one with a batch shape gives each sample its own."""
+    twin = copy.deepcopy(tried.part)
+    for path, owner, name in list(constants_of(twin)):
+        value = getattr(owner, name).detach()
+        if value.dim() > owner.domains()[name].event_dims:
+            continue  # it has a batch shape as it is
+
+        def result(tensor: Tensor, owner: DesignModule = owner, name: str = name) -> list[Tensor]:
+            if name in owner._parameters:
+                delattr(owner, name)
+            setattr(owner, name, tensor)
+            return tried.of(twin, list(tried.arguments))
+
+        def along(s: Tensor, value: Tensor = value, result: _Result = result) -> Tensor:
+            return total(result(value * (1.0 + s)))
+
+        shown = f"the constant {path}.{name}".replace(" .", " ")
+        # What is 0 has no proportion to move in: its gradient is at least finite.
+        if bool((value != 0).any()):
+            check_slope(tried.part, line, (tried.what, shown), along)
+        rows = _spread(owner, name, value)
+        if rows is not None:
+            _check_rows(tried, line, shown, rows, result)
+        result(value)
+
+
+def _spread(owner: DesignModule, name: str, value: Tensor) -> Tensor | None:
+    """A value a sample (SAMPLES, *event), all in the constant's domain; None: there are none."""
+    k = torch.arange(SAMPLES, dtype=torch.float64).reshape(-1, *(1,) * value.dim())
+    for rows in (value * (1.0 + 0.02 * k), value * (1.0 - 0.02 * k), value + 0.02 * k):
+        if not torch.equal(rows[0], rows[-1]) and owner.domains()[name].contains(rows):
+            return rows
+    return None
+
+
+def _check_rows(tried: Tried, line: int | str, shown: str, rows: Tensor, result: _Result) -> None:
+    part, what = tried.part, f"{tried.what} with {shown} of shape {tuple(rows.shape)}"
+    mend = "a constant is (..., *event): unsqueeze it beside what it scales"
+    together, shapes = called(part, line, what, lambda: result(rows)), [x.shape for x in tried()]
+    if [x.shape for x in together] != shapes:
+        raise broken(part, line, f"{what} has another shape than before", mend)
+    for i in (0, SAMPLES - 1):
+        if apart([x[i] for x in together], [x[i] for x in result(rows[i])]) > ROUNDING:
+            raise broken(part, line, f"{what} does not give each sample its own", mend)
