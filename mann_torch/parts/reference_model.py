@@ -16,13 +16,16 @@ from ..types import ReferenceSample
 
 
 class ReferenceModel(Interface, DesignModule):
-    """Interface of every reference model. Its contract:
+    """Interface of every reference model. Its contract (`mann_torch.testing.check_model`):
 
     1. Its state is a tensor (..., d); it flows with the loop.
-    2. `rates` may depend on the plant's output: a closed-loop reference model.
-    3. `sample` is what the controller follows: the model's output, with `order` derivatives, and
-       the command beside it. The tracking error is that of this output.
+    2. `rates` (..., d) may depend on the plant's output: a closed-loop reference model.
+    3. `sample` is what the controller follows: the model's output (..., p), with `order`
+       derivatives in time, as state and command move, and the command beside it. The tracking error
+       is that of this output.
     4. It reads the command's value, and no more than `command_order` of its derivatives.
+    5. It is a function of its arguments and of declared constants alone, for any batch at once,
+       decided by `where`, in float64. Gradients reach them all.
     """
 
     #: Numbers of command and output, p.

@@ -58,7 +58,9 @@ def difference(found: Any, wanted: Any, at: str = "") -> str | None:
         return None if found.dtype == wanted.dtype else f"{name} is {found.dtype}"
     if type(found) is not type(wanted):
         return f"{name} is a {type(found).__name__}, not a {type(wanted).__name__}"
-    for field, mine, other in zip(getattr(wanted, "_fields", ()), found, wanted, strict=True):
+    if wanted is None:
+        return None
+    for field, mine, other in zip(wanted._fields, found, wanted, strict=True):
         told = difference(mine, other, f"{at}.{field}".removeprefix("."))
         if told is not None:
             return told

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor, nn
 
+from ..trees import leaves, rebuilt
 from .forms import called
 from .telling import broken
 
@@ -30,6 +31,15 @@ class Tried(NamedTuple):
         """What it gives for these arguments, or for its own."""
         given = self.arguments if arguments is None else arguments
         return self.of(self.part, list(given))
+
+
+def tried_of(
+    part: nn.Module, line: int | str, what: str, of: Callable[[Any, Any], Any], given: Any
+) -> Tried:
+    """A function of trees: of the part, or a twin, and of what is like `given`."""
+    return Tried(
+        part, line, what, lambda p, parts: leaves(of(p, rebuilt(given, parts))), leaves(given)
+    )
 
 
 def apart(one: Sequence[Tensor], other: Sequence[Tensor]) -> float:
