@@ -10,6 +10,7 @@ from torch import Tensor
 
 from ..checks import instance
 from ..parts import ReferenceModel
+from ..trees import map_tensors
 from ..types import ReferenceSample
 from .forms import called, check_held, check_tensor
 from .functions import SAMPLES, apart, check_function, tried_of
@@ -68,7 +69,7 @@ def _drawn(model: ReferenceModel) -> Followed:
     command = drawn_sample(model.width, model.command_order, generator)
     output = torch.randn(SAMPLES, model.width, generator=generator, dtype=torch.float64)
     for i, y in enumerate((output[0], output)):
-        own = command if i else ReferenceSample(*(x if x is None else x[0] for x in command))
+        own = command if i else map_tensors(lambda x: x[0], command)
         state = called(model, 1, "initial_state", partial(model.initial_state, own, y))
         shape = (*y.shape[:-1], *getattr(state, "shape", ())[-1:])
         check_tensor(model, 1, "the state at t = 0", state, shape, "(..., d)")
@@ -78,9 +79,8 @@ def _drawn(model: ReferenceModel) -> Followed:
 
 def _check_forms(model: ReferenceModel, given: Followed) -> None:
     for line, what, of in ((2, "rates", _rates), (3, "sample", _parts)):
-        check_order(
-            model, 4, what, "command_order", given.command, partial(_asked, of, model, given)
-        )
+        ask = partial(_asked, of, model, given)
+        check_order(model, 4, what, "command_order", given.command, ask)
         found = called(model, line, f"{what} of a batch", partial(of, model, given))
         if what == "rates":
             check_tensor(model, 2, "rates", found, given.state.shape, "(..., d)")

@@ -133,12 +133,8 @@ def _check_forms(network: FeatureNetwork, given: Fed) -> None:
         raise broken(network, 3, f"features gives a {type(features).__name__}", "return Features")
     found = called(network, 3, "what it gives of a batch", lambda: _answers(network, given))
     N, m = network.n_hidden, network.n_outputs
-    for name, shape in (
-        ("features", (N,)),
-        ("output", (m,)),
-        ("correction", (N,)),
-        ("magnitude", ()),
-    ):
+    shapes = {"features": (N,), "output": (m,), "correction": (N,), "magnitude": ()}
+    for name, shape in shapes.items():
         letters = f"(..., {', '.join(map(str, shape))})"
         check_tensor(network, 3, name, getattr(found, name), (SAMPLES, *shape), letters)
     if bool((found.magnitude < 0).any()):
