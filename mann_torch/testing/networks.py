@@ -10,12 +10,11 @@ from torch import Tensor
 
 from ..checks import instance
 from ..control import FeatureNetwork
-from ..errors import ConfigError
 from ..trees import leaves, map_tensors
 from ..types import Features
 from .forms import called, check_held, check_tensor, difference, is_tree
 from .functions import ROUNDING, SAMPLES, apart, check_function, tried_of
-from .random_starts import check_start
+from .random_starts import check_start, check_weights
 from .slopes import check_constants, check_slopes
 from .telling import broken
 
@@ -102,21 +101,7 @@ def _drawn(network: FeatureNetwork) -> Fed:
 
 def _check_weights(network: FeatureNetwork, state: Any) -> None:
     """`check_state` and `expand` of them."""
-    found = called(network, 2, "check_state of its own weights", lambda: network.check_state(state))
-    if tuple(found) != (SAMPLES,):
-        raise broken(
-            network, 2, f"check_state gives {tuple(found)}, not {(SAMPLES,)}", "the batch shape"
-        )
-    try:
-        network.check_state(object())
-    except ConfigError:
-        pass
-    except Exception as error:
-        raise broken(
-            network, 2, f"check_state raises a {type(error).__name__}", "raise a ConfigError"
-        ) from error
-    else:
-        raise broken(network, 2, "check_state takes what are no weights", "raise a ConfigError")
+    check_weights(network, 2, "check_state", state, network.check_state)
     single = network.initial_state(())
     batch = called(network, 2, "expand", partial(network.expand, single, (2, SAMPLES)))
     wanted = map_tensors(lambda x: x.expand(2, SAMPLES, *x.shape), single)

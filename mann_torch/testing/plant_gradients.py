@@ -7,7 +7,7 @@ from torch import Tensor
 
 from ..trees import leaves, map_tensors
 from .plant_bench import Bench
-from .slopes import check_slope, pattern, total
+from .slopes import along_way, check_slope, pattern, totals
 from .telling import broken
 
 
@@ -23,8 +23,8 @@ def check_gradients(b: Bench) -> None:
         way = push * value if at > count else push
 
         def along(s: Tensor, at: int = at, way: Tensor = way) -> Tensor:
-            moved = b.of([x + s * way if i == at else x for i, x in enumerate(given)])
-            return total(leaves(moved.derivative()))
+            moved = b.of([along_way(x, s, way) if i == at else x for i, x in enumerate(given)])
+            return totals(leaves(moved.derivative()))
 
         check_slope(b.plant, 3, ("the derivative", name), along)
     _check_gradients_at_rest(b)

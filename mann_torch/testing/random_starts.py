@@ -8,6 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from ..errors import ConfigError
 from ..trees import leaves, map_tensors
 from .forms import called, difference, is_tree
 from .functions import SAMPLES
@@ -47,6 +48,25 @@ def check_start(part: nn.Module, line: int | str, what: str, start: Start) -> No
                 f"{what} gives other numbers each time {told}",
                 "draw from the generator alone, and without one take what is stored",
             )
+
+
+def check_weights(
+    part: nn.Module, line: int | str, what: str, weights: Any, check: Callable[[Any], torch.Size]
+) -> None:
+    """Raise `InterfaceError` unless `check` gives weights' batch shape, and refuses others."""
+    wanted = () if weights is None else (SAMPLES,)
+    found = called(part, line, f"{what} of its own weights", lambda: tuple(check(weights)))
+    if found != wanted:
+        raise broken(part, line, f"{what} gives {found}, not {wanted}", "return the batch shape")
+    try:
+        check(object())
+    except ConfigError:
+        return
+    except Exception as error:
+        told = f"{what} of an object raises a {type(error).__name__}"
+        raise broken(part, line, told, "raise a ConfigError for what does not fit") from error
+    told = f"{what} takes an object for weights"
+    raise broken(part, line, told, "raise a ConfigError for what does not fit")
 
 
 def _check_batches(

@@ -16,8 +16,9 @@ from .telling import broken
 
 #: Of a derivative by differences: step, and the largest error of the largest slope.
 STEP, DIFFERENCES = 1e-6, 1e-4
+#: Slopes to both sides that are further apart are a corner or a decision: nothing to compare.
+CORNER = 1e-2
 _Result = Callable[[Tensor], list[Tensor]]
-_MEND = "let gradients through: no .detach(), .item(), .data or no_grad"
 
 
 def pattern(like: Tensor) -> Tensor:
@@ -25,20 +26,25 @@ def pattern(like: Tensor) -> Tensor:
     return torch.sin(1.0 + torch.arange(like.numel(), dtype=like.dtype)).reshape(like.shape)
 
 
-def total(parts: Sequence[Tensor]) -> Tensor:
-    """One number of all floating ones."""
-    sums = [(pattern(x) * x).sum() for x in parts if x.is_floating_point()]
-    return torch.stack(sums).sum() if sums else torch.zeros((), dtype=torch.float64)
+def totals(parts: Sequence[Tensor]) -> Tensor:
+    """One number a sample (SAMPLES,), of all its floating ones."""
+    sums = [(pattern(x) * x).reshape(SAMPLES, -1) for x in parts if x.is_floating_point()]
+    return torch.cat([torch.zeros(SAMPLES, 1, dtype=torch.float64), *sums], dim=-1).sum(dim=-1)
 
 
-def slope(function: Callable[[Tensor], Tensor]) -> Tensor:
-    """d function/d s at s = 0 by backpropagation; 0 where no gradient comes back."""
-    s = torch.zeros((), dtype=torch.float64, requires_grad=True)
+def along_way(x: Tensor, s: Tensor, way: Tensor) -> Tensor:
+    """x + s way, for s (SAMPLES,) beside x and way (SAMPLES, *)."""
+    return x + s.reshape(-1, *(1,) * (x.dim() - 1)) * way
+
+
+def slopes(function: Callable[[Tensor], Tensor]) -> Tensor:
+    """d function_i/d s_i at s = 0 by backpropagation, of each sample; 0 where none comes back."""
+    s = torch.zeros(SAMPLES, dtype=torch.float64, requires_grad=True)
     with torch.enable_grad():
         value = function(s)
     if not value.requires_grad:
-        return torch.zeros_like(s)
-    (found,) = torch.autograd.grad(value, s, materialize_grads=True)
+        return torch.zeros(SAMPLES, dtype=torch.float64)
+    (found,) = torch.autograd.grad(value.sum(), s, materialize_grads=True)
     return found
 
 
@@ -47,38 +53,46 @@ def check_slope(
 ) -> None:
     """Raise `InterfaceError` where backpropagation and differences along a way disagree.
 
-    `told` is what is differentiated, and by what.
+    `told` is what is differentiated, and by what; `along` gives one number a sample for s
+    (SAMPLES,).
     """
     what, name = told
-    zero = torch.zeros((), dtype=torch.float64)
-    found = called(part, line, f"a gradient by {name}", partial(slope, along))
-    if not bool(found.isfinite()):
+    zero = torch.zeros(SAMPLES, dtype=torch.float64)
+    found = called(part, line, f"a gradient by {name}", partial(slopes, along))
+    if not bool(found.isfinite().all()):
         raise broken(
             part,
             line,
             f"the gradient of {what} by {name} is not finite",
             "`where` leaks NaN gradients: guard the arguments of what is not chosen",
         )
-    by_steps = (along(zero + STEP) - along(zero - STEP)) / (2.0 * STEP)
-    if apart([found], [by_steps]) > DIFFERENCES:
+    with torch.no_grad():
+        below, here, above = (along(zero + k * STEP) for k in (-1.0, 0.0, 1.0))
+    sides = torch.stack([here - below, above - here]) / STEP
+    least, most = sides.aminmax(dim=0)
+    size = torch.maximum(found.abs(), sides.abs().amax(dim=0)).clamp(min=1.0)
+    middle = 0.5 * (least + most)
+    right = (found - middle).abs() <= DIFFERENCES * size
+    right = right | ((least <= found) & (found <= most)) | (most - least > CORNER * size)
+    if not bool(right.all()):
         raise broken(
             part,
             line,
             f"the gradient of {what} by {name} is not what finite differences give",
-            _MEND,
+            "let gradients through: no .detach(), .item(), .data or no_grad",
         )
 
 
 def check_slopes(tried: Tried, names: Sequence[str]) -> None:
-    """By each argument that has a name."""
+    """By each of the first arguments."""
     for at, name in enumerate(names):
-        if not name or not tried.arguments[at].numel():
+        if not tried.arguments[at].numel():
             continue
 
         def along(s: Tensor, at: int = at) -> Tensor:
             given = list(tried.arguments)
-            given[at] = given[at] + s * pattern(given[at])
-            return total(tried(given))
+            given[at] = along_way(given[at], s, pattern(given[at]))
+            return totals(tried(given))
 
         check_slope(tried.part, tried.line, (tried.what, name), along)
 
@@ -106,15 +120,16 @@ def check_constants(tried: Tried, line: int | str) -> None:
             return tried.of(twin, list(tried.arguments))
 
         def along(s: Tensor, value: Tensor = value, result: _Result = result) -> Tensor:
-            return total(result(value * (1.0 + s)))
+            rows = value.expand(SAMPLES, *value.shape)
+            return totals(result(along_way(rows, s, rows)))
 
         shown = f"the constant {path}.{name}".replace(" .", " ")
-        # What is 0 has no proportion to move in: its gradient is at least finite.
-        if bool((value != 0).any()):
-            check_slope(tried.part, line, (tried.what, shown), along)
         rows = _spread(owner, name, value)
         if rows is not None:
             _check_rows(tried, line, shown, rows, result)
+        # What is 0 has no proportion to move in.
+        if bool((value != 0).any()):
+            check_slope(tried.part, line, (tried.what, shown), along)
         result(value)
 
 
