@@ -150,12 +150,14 @@ class MechanicalPlant(Plant):
             block = wide.unsqueeze(-2).expand(*zero.shape, 2 * n)
         else:
             block, drift = self._through(gains, q, coefficients)
-        position, rate = block[..., :n], block[..., n:]
-        if slope is not None:
-            rate = rate + torch.diag_embed(slope)
-        if springs is not None:
-            position = position + springs
-        columns = [force.unsqueeze(-1), position, rate, drift.unsqueeze(-1)]
+        blocks = [block]
+        if slope is not None or springs is not None:
+            position, rate = block[..., :n], block[..., n:]
+            blocks = [
+                position if springs is None else position + springs,
+                rate if slope is None else rate + torch.diag_embed(slope),
+            ]
+        columns = [force.unsqueeze(-1), *blocks, drift.unsqueeze(-1)]
         solved = solve_small(self.mass_matrix(q, coefficients), torch.cat(columns, dim=-1))
         stiffness, damping = solved[..., 1 : n + 1], solved[..., n + 1 : 2 * n + 1]
         return PlantState(qd, solved[..., 0]), SecondOrderBlock(stiffness, damping, solved[..., -1])

@@ -44,7 +44,7 @@ class Reference(Interface, Rows):
 
     def forward(self, t: Tensor) -> ReferenceSample:
         """The signal at times t [s]; each member (*t.shape, ..., p)."""
-        return self.at(t.reshape(t.shape + (1,) * (len(self.batch_shape) + 1)))
+        return self.at(t.reshape(t.shape + (1,) * (self._batch_dims() + 1)))
 
     def aligned(self, t: Tensor) -> ReferenceSample:
         """Each sample at a time of its own: t (...,) [s] of the batch shape; members (..., p)."""

@@ -134,22 +134,27 @@ class Rows(nn.Module):
         shapes = {name: rows.shape for name, rows in self.held().items()}
         return type(self), plain, shapes, {n: part.form() for n, part in self._parts().items()}
 
+    def _batch_dims(self) -> int:
+        """How many leading batch dimensions there are."""
+        own = [rows.dim() - self._event_dims[name] for name, rows in self.held().items()]
+        return max((*own, *(part._batch_dims() for part in self._parts().values())), default=0)
+
     def _event(self, name: str) -> torch.Size:
-        rows = self.held()[name]
+        rows: Tensor = getattr(self, name)
         return rows.shape[rows.dim() - self._event_dims[name] :]
 
     def _changed(self, change: Callable[[str, Tensor], Tensor], method: str, argument: Any) -> Self:
         """A copy with other rows, its parts changed by their own `method`."""
         twin = copy.copy(self)
-        twin._buffers = dict(self._buffers)
-        twin._modules = dict(self._modules)
+        buffers, modules = dict(self._buffers), dict(self._modules)
+        vars(twin).update(_buffers=buffers, _modules=modules)  # past what a module checks
         for name, rows in self.held().items():
-            twin._buffers[name] = change(name, rows)
+            buffers[name] = change(name, rows)
         for name, part in self._parts().items():
             given = argument
             if method == "stack":
                 given = [getattr(other, name) for other in argument]
-            twin._modules[name] = getattr(part, method)(given)
+            modules[name] = getattr(part, method)(given)
         return twin
 
 

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from ..checks import instance
-from ..signals import Surroundings, noise_at
+from ..signals import noise_at
 from ..trees import leaves
 from ..types import MemoryMode
 from .closed_loop import ClosedLoop, Observation
@@ -36,7 +36,7 @@ def observe(loop: ClosedLoop, scenario: Scenario, trajectory: Trajectory) -> Obs
         widths = [part.shape[-1] for part in loop.plant.measure(plant, coefficients)]
         table = scenario.noise.expand(batch).table(widths, int(instants[-1]) + 1)
         noise = noise_at(table, chosen)
-    outside = Surroundings(scenario.reference, scenario.disturbance).expand(batch)
+    outside = scenario.surroundings.expand(batch)
     here = Conditions(outside, coefficients, noise)
     return loop.observe(t, trajectory.states, trajectory.held, here)
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from ..trees import Packer, map_tensors
-from .starting import coefficients_of
 from .task import Task
 
 
@@ -27,10 +27,8 @@ def outputs_of(task: Task, times: Tensor, rows: Tensor) -> Tensor:
     firsts = torch.tensor([part.first for part in segments])
     edges = [0, *torch.searchsorted(times, task.grid.times[firsts[1:]]).tolist(), len(times)]
     found = []
-    for part, first, last in zip(segments, edges[:-1], edges[1:], strict=True):
+    for number, (first, last) in enumerate(itertools.pairwise(edges)):
         if last > first:
-            lookup = torch.tensor(part.lookup, dtype=torch.float64)
-            coefficients = coefficients_of(task.loop, task.scenario, task.batch, lookup)
             here = map_tensors(lambda x, a=first, b=last: x[a:b], states)
-            found.append(task.loop.plant.output(here, coefficients))
+            found.append(task.loop.plant.output(here, task.coefficients(number)))
     return found[0] if len(found) == 1 else torch.cat(found)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import torch
@@ -13,7 +14,7 @@ from ..checks import instance, named, several, sizes, text, wrong
 from ..errors import ConfigError, ShapeError
 from ..functional import as_float64
 from ..plants.plant import Parameters
-from ..signals import Disturbance, MeasurementNoise, PiecewiseConstant, Reference
+from ..signals import Disturbance, MeasurementNoise, PiecewiseConstant, Reference, Surroundings
 from ..trees import leaves, map_tensors
 
 
@@ -102,6 +103,11 @@ class Scenario:
             shapes += [leaf.shape[:-1] for leaf in self.start]
         shapes += [part.batch_shape for part in (self.noise, self.disturbance) if part is not None]
         return torch.broadcast_shapes(*shapes)
+
+    @cached_property
+    def surroundings(self) -> Surroundings:
+        """Reference and disturbance together: all that acts on a loop from outside."""
+        return Surroundings(self.reference, self.disturbance)
 
     @property
     def end(self) -> float:

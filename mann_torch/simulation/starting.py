@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
 
+from ..control import Controller
 from ..errors import ConfigError, ShapeError
 from ..functional import as_float64
 from ..signals import Surroundings
@@ -16,6 +17,15 @@ from ..types import LoopMode, LoopState
 from .closed_loop import ClosedLoop
 from .conditions import Conditions
 from .scenario import Scenario
+
+
+class Start(NamedTuple):
+    """Where a rollout starts, every part of the batch shape `...`."""
+
+    state: LoopState
+    mode: LoopMode
+    surroundings: Surroundings
+    measured: Any  # what there is to measure at t = 0
 
 
 def common_shape(
@@ -41,7 +51,7 @@ def start_of(
     weights: Any = None,
     generator: torch.Generator | None = None,
     batch_shape: Sequence[int] = (),
-) -> tuple[LoopState, LoopMode]:
+) -> Start:
     """State (..., *event) and mode at t = 0, expanded to the common batch shape.
 
     Raises `ShapeError` where scenario, constants and weights do not broadcast or sizes do not fit,
@@ -49,8 +59,7 @@ def start_of(
     another precision than float64.
     """
     _check_precision(loop, "loop")
-    surroundings = Surroundings(scenario.reference, scenario.disturbance)
-    _check_precision(surroundings, "scenario")
+    _check_precision(scenario.surroundings, "scenario")
     _check_sizes(loop, scenario)
     plant = loop.plant
     plant.check(scenario.parameters)
@@ -61,9 +70,8 @@ def start_of(
     start = plant.rest() if scenario.start is None else scenario.start
     start = map_tensors(lambda leaf: leaf.expand(*batch, leaf.shape[-1]), start)
     t = torch.zeros((), dtype=torch.float64)
-    here = Conditions(
-        surroundings.expand(batch), coefficients_of(loop, scenario, batch, t), ticks=None
-    )
+    surroundings = scenario.surroundings.expand(batch)
+    here = Conditions(surroundings, coefficients_of(loop, scenario, batch, t))
     outside = here.signals(t)
     model = None
     if loop.model is not None:
@@ -87,12 +95,16 @@ def start_of(
         if loop.clock is not None:
             mode = mode._replace(clock=loop.clock.initial_state(u, own))
     _check_answer(loop, state, mode, here)
-    return state, mode
+    return Start(state, mode, surroundings, seen)
 
 
 def coefficients_of(loop: ClosedLoop, scenario: Scenario, batch: torch.Size, t: Tensor) -> Any:
     """The plant's coefficients at times t [s], for the whole batch: (*t.shape, ..., *event)."""
-    moving = {name: rows.expand(batch).at(t) for name, rows in scenario.schedule.items()}
+    # Of one time, rows are written out after they are looked up; of more, before: they align.
+    moving = {
+        name: (rows.expand(batch) if t.dim() else rows).at(t)
+        for name, rows in scenario.schedule.items()
+    }
     parameters = map_tensors(
         lambda rows: rows.expand(*t.shape, *batch, rows.shape[-1]),
         scenario.parameters._replace(**moving),
@@ -139,7 +151,12 @@ def _check_sizes(loop: ClosedLoop, scenario: Scenario) -> None:
 
 
 def _check_answer(loop: ClosedLoop, state: LoopState, mode: LoopMode, here: Conditions) -> None:
-    """Raise `ShapeError` where the controller's first answer does not fit the plant."""
+    """Raise `ShapeError` where the controller's first answer does not fit the plant.
+
+    One that has its own `check_fit` was asked when the loop was made.
+    """
+    if type(loop.controller).check_fit is not Controller.check_fit:
+        return
     with torch.no_grad():
         u = loop.control(torch.zeros((), dtype=torch.float64), state, mode, here).input
     m = len(loop.plant.inputs)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import torch
@@ -46,6 +46,7 @@ class Task:
     tape_memory: float = 256e6  # [bytes]
     effort_after: float | None = None  # peak inputs count from here on [s]; None: no effort
     hybrid: bool = False  # steps locate events, see `events/steps.hybrid_step`
+    known: dict[int, Any] = field(default_factory=dict)  # coefficients by segment
 
     def conditions(self, k: int, coefficients: Any) -> Conditions:
         """What step k is under."""
@@ -53,6 +54,14 @@ class Task:
         ticks = None if self.ticks is None else Ticks(*(bool(train[k]) for train in self.ticks))
         span = None if self.spans is None else Span(*(edge[k] for edge in self.spans))
         return Conditions(self.surroundings, coefficients, noise, ticks, span)
+
+    def coefficients(self, segment: int) -> Any:
+        """The plant's in a segment of the grid, of the whole batch."""
+        if segment not in self.known:
+            time = torch.tensor(self.grid.segments[segment].lookup, dtype=torch.float64)
+            found = coefficients_of(self.loop, self.scenario, self.batch, time)
+            self.known[segment] = found
+        return self.known[segment]
 
     @property
     def batch(self) -> torch.Size:
@@ -84,7 +93,7 @@ def trains_of(loop: ClosedLoop) -> tuple[Train, Train] | None:
 
 def grid_of(loop: ClosedLoop, scenario: Scenario, dt: float) -> StepGrid:
     """The steps of a rollout: they end on jumps of parameters, and on ticks."""
-    jumps = Surroundings(scenario.reference, scenario.disturbance).jumps(scenario.end)
+    jumps = scenario.surroundings.jumps(scenario.end)
     before = [time for time in jumps if time < scenario.end - MERGE]
     return StepGrid(scenario.end, scenario.knots(), dt, trains_of(loop) or (), before)
 
@@ -102,24 +111,22 @@ def task_of(
 
     Raises `ShapeError`, `DomainError`.
     """
-    state, mode = start_of(loop, scenario, weights, generator, batch_shape)
-    batch = leaves(state.plant)[0].shape[:-1]
+    start = start_of(loop, scenario, weights, generator, batch_shape)
+    batch = leaves(start.state.plant)[0].shape[:-1]
     noise, instants = scenario.noise, torch.zeros(grid.n_steps, dtype=torch.int64)
     table = None
     if noise is not None:
         instants = noise.instants(grid.times[:-1])
-        zero = torch.zeros((), dtype=torch.float64)
-        measured = loop.plant.measure(state.plant, coefficients_of(loop, scenario, batch, zero))
-        widths = [part.shape[-1] for part in measured]
+        widths = [part.shape[-1] for part in start.measured]
         table = noise.expand(batch).table(widths, int(instants[-1]) + 1)
     return Task(
         loop=loop,
         scenario=scenario,
         solver=solver,
         grid=grid,
-        surroundings=Surroundings(scenario.reference, scenario.disturbance).expand(batch),
-        state=state,
-        mode=mode,
+        surroundings=start.surroundings,
+        state=start.state,
+        mode=start.mode,
         horizon=as_float64(scenario.horizon).expand(batch),
         motion_rows=[0, grid.n_steps],
         state_rows=[0],

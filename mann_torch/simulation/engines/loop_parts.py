@@ -61,14 +61,14 @@ def loop_parts(task: Task) -> list[Part]:
 
 def single_surroundings(task: Task) -> Surroundings:
     """The signals as one sample has them, or, where samples differ, the batch's."""
-    given = Surroundings(task.scenario.reference, task.scenario.disturbance)
+    given = task.scenario.surroundings
     return task.surroundings if given.batch_shape else given.expand(())
 
 
 def surrounding_parts(task: Task, single: Surroundings) -> list[Part]:
     """All tensors that the signals hold: those that grow with the batch are a sample's own."""
     batch = task.batch
-    given = Surroundings(task.scenario.reference, task.scenario.disturbance)
+    given = task.scenario.surroundings
     held = held_tensors(single)
     if not given.batch_shape:
         return [Part(name, as_rows(value, batch, None)) for name, value in held.items()]

@@ -10,7 +10,6 @@ from torch import Tensor
 
 from ...trees import leaves
 from ..conditions import Conditions
-from ..starting import coefficients_of
 from ..step_grid import counted_in, shares_of
 from ..task import Task
 from .loop_parts import Part, as_rows
@@ -30,11 +29,7 @@ def coefficient_leaves(task: Task) -> tuple[list[list[Tensor]], Any]:
 
     A member that is None in some segments and not in others is 0 there.
     """
-    batch, lookups = task.batch, [part.lookup for part in task.grid.segments]
-    found = []
-    for lookup in lookups:
-        time = torch.tensor(lookup, dtype=torch.float64)
-        found.append(coefficients_of(task.loop, task.scenario, batch, time))
+    found = [task.coefficients(number) for number in range(len(task.grid.segments))]
     members = [_members(c) for c in found]
     merged: list[list[Tensor]] = [[] for _ in found]
     places: list[bool] = []
@@ -81,8 +76,7 @@ def task_rows(
 def _first_sums(task: Task, step: LoopStep) -> list[Tensor]:
     """What is summed up, at t = 0, (B, width) each."""
     zero, count = torch.zeros((), dtype=torch.float64), task.batch.numel()
-    coefficients = coefficients_of(task.loop, task.scenario, task.batch, zero)
-    here = Conditions(task.surroundings, coefficients)
+    here = Conditions(task.surroundings, task.coefficients(0))
     error, followed = task.loop.error(zero, task.state, here)
     counted = counted_in(task.grid.times[:1], task.horizon)[0]
     squared = (shares_of(task.grid.times)[0] * counted).unsqueeze(-1) * error.square()

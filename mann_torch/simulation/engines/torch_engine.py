@@ -14,7 +14,6 @@ from ...types import LoopState
 from ..conditions import Conditions
 from ..events.steps import no_events
 from ..outputs import outputs_of
-from ..starting import coefficients_of
 from ..step_grid import MERGE, counted_in, shares_of
 from ..task import Effort, Record, Task
 from ..trajectory import Status
@@ -87,16 +86,14 @@ def _at_start(task: Task) -> list[Tensor]:
     """What a reference model gives at t = 0, if there is one."""
     if task.loop.model is None:
         return []
-    zero = torch.zeros((), dtype=torch.float64)
-    coefficients = coefficients_of(task.loop, task.scenario, task.batch, zero)
-    return [task.loop.error(zero, task.state, Conditions(task.surroundings, coefficients))[1]]
+    here = Conditions(task.surroundings, task.coefficients(0))
+    return [task.loop.error(torch.zeros((), dtype=torch.float64), task.state, here)[1]]
 
 
 def _blocks(task: Task) -> Iterator[tuple[int, int, Any]]:
     """First and last step of each block, and the plant's coefficients in it."""
-    for segment in task.grid.segments:
-        lookup = torch.tensor(segment.lookup, dtype=torch.float64)
-        coefficients = coefficients_of(task.loop, task.scenario, task.batch, lookup)
+    for number, segment in enumerate(task.grid.segments):
+        coefficients = task.coefficients(number)
         for first in range(segment.first, segment.last, BLOCK):
             yield first, min(first + BLOCK, segment.last), coefficients
 
