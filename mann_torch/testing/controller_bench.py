@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from ..control import Controller
-from ..errors import ConfigError, ShapeError
+from ..errors import ConfigError, InterfaceError, ShapeError
 from ..plants import DoubleIntegrator, LinearPlant, Plant, TwoLinkArm
 from ..signals import Reference, Sinusoid
 from ..trees import map_tensors
@@ -99,36 +99,43 @@ def bench_of(
     if plant is not None:
         controller.check_fit(len(plant.inputs), len(plant.outputs))
         return _on(controller, plant, reference)
-    fitting = []
-    for make in PLANTS:
-        found = make()
-        try:
-            controller.check_fit(len(found.inputs), len(found.outputs))
-            fitting.append(_on(controller, found, reference))
-        except ConfigError:
-            continue
-        except Exception as error:
-            raise broken(
-                controller, 4, f"check_fit raises {said(error)}", "raise a ShapeError, or nothing"
-            ) from error
-    for each in fitting:
-        if _answers(each):
-            return each
-    if not fitting:
-        raise ConfigError(
-            f"plant = None: {type(controller).__name__} fits none of the plants that are tried; "
-            "give one that it controls"
-        )
-    return fitting[0]
+    fitting = [made for made in (make() for make in PLANTS) if _fits(controller, made)]
+    if reference is not None:
+        fitting = [p for p in fitting if len(p.outputs) == reference.width] or fitting
+    benches = [_on(controller, each, reference) for each in fitting]
+    errors = list(map(_error, benches))
+    # One that refuses what it is given does not fit; one that fails is what is to be told.
+    refused = [isinstance(e, ConfigError) and not isinstance(e, InterfaceError) for e in errors]
+    for wanted in (lambda i: errors[i] is None, lambda i: not refused[i]):
+        for i, found in enumerate(benches):
+            if wanted(i):
+                return found
+    why = f" ({said(errors[0])})" if errors and errors[0] is not None else ""
+    raise ConfigError(
+        f"plant = None: {type(controller).__name__} fits none of the plants that are tried{why}; "
+        "give one that it controls"
+    )
 
 
-def _answers(found: ControllerBench) -> bool:
-    """Whether the controller takes what is measured there, and gives as many inputs."""
+def _fits(controller: Controller, plant: Plant) -> bool:
+    try:
+        controller.check_fit(len(plant.inputs), len(plant.outputs))
+    except ConfigError:
+        return False
+    except Exception as error:
+        mend = "raise a ShapeError, or nothing"
+        raise broken(controller, 4, f"check_fit fails; {said(error)}", mend) from error
+    return True
+
+
+def _error(found: ControllerBench) -> Exception | None:
+    """What keeps the controller from answering with as many inputs as the plant has."""
+    m = len(found.plant.inputs)
     try:
         u = answer(found.controller, found.at_start()).input
-        return bool(u.shape[-1] == len(found.plant.inputs))
-    except Exception:
-        return False
+    except Exception as error:
+        return error
+    return None if u.shape[-1:] == (m,) else RuntimeError(f"input of shape {tuple(u.shape)}")
 
 
 def _on(controller: Controller, plant: Plant, reference: Reference | None) -> ControllerBench:

@@ -1,0 +1,81 @@
+"""Every controller keeps its contract, and `check_controller` refuses what does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+import torch
+
+import mann_torch as mt
+from mann_torch import control, plants
+from mann_torch.errors import ConfigError, InterfaceError, KindError, ShapeError
+from mann_torch.testing import check_controller
+from tests.conftest import CONTROLLERS, make_controller
+from tests.contracts.broken_controllers import BROKEN, Good
+
+
+def of_paper(name: str) -> Callable[[], control.Controller]:
+    return lambda: make_controller(name)
+
+
+#: A new controller is one line here.
+CONTROLLERS_TO_CHECK: dict[str, Callable[[], control.Controller]] = {
+    **{f"mann, {name}": of_paper(name) for name in CONTROLLERS},
+    "mann, kappa > 0": lambda: mt.MannController(2, 6, e_modification=0.1),
+    "mann, radial basis": lambda: mt.MannController(
+        2, network=control.RadialBasisNetwork.scattered(10, 6, 2, 3.0)
+    ),
+    "linear_feedback": lambda: control.LinearFeedback([[3.0, 2.0]], [[3.0]], 0.5),
+    "linear_feedback, two inputs": lambda: control.LinearFeedback(
+        [[3.0, 0.0, 2.0, 0.0], [0.0, 3.0, 0.0, 2.0]]
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CONTROLLERS_TO_CHECK)
+def test_a_controller_of_the_library_keeps_its_contract(name: str) -> None:
+    check_controller(CONTROLLERS_TO_CHECK[name](), engine="torch")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CONTROLLERS_TO_CHECK)
+def test_it_does_on_the_compiled_engine(name: str) -> None:
+    check_controller(CONTROLLERS_TO_CHECK[name](), engine="compiled")
+
+
+def test_the_list_has_every_controller_there_is() -> None:
+    kinds = {type(make()) for make in CONTROLLERS_TO_CHECK.values()}
+    assert set(control.CONTROLLERS.values()) <= kinds
+
+
+def test_plant_and_reference_may_be_given() -> None:
+    gains = [[0.0, 3.0, 0.0, 2.0]]
+    feedback = control.LinearFeedback(gains)
+    with pytest.raises(ConfigError, match=r"fits none of the plants .*feedback of 4 numbers"):
+        check_controller(feedback, engine="torch")
+    check_controller(feedback, plants.CartPole("position"), mt.Sinusoid([0.3]), engine="torch")
+    check_controller(make_controller("nn"), mt.TwoLinkArm(), mt.Sinusoid([0.3, 0.2], 0.2))
+
+
+def test_what_does_not_fit_is_named() -> None:
+    nn = make_controller("nn")
+    with pytest.raises(KindError, match="controller = 3"):
+        check_controller(3)  # type: ignore[arg-type]
+    with pytest.raises(ShapeError, match="1 inputs and 1 outputs"):
+        check_controller(nn, plants.Pendulum())
+    with pytest.raises(ShapeError, match="reference of width 3"):
+        check_controller(nn, reference=mt.Sinusoid([1.0, 1.0, 1.0]))
+    with pytest.raises(ConfigError, match="fits none of the plants"):
+        check_controller(control.LinearFeedback(torch.zeros(5, 5, dtype=torch.float64)))
+
+
+def test_the_good_one_passes() -> None:
+    check_controller(Good())
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_broken_controller_is_refused_by_what_is_wrong(name: str) -> None:
+    make, told = BROKEN[name]
+    with pytest.raises(InterfaceError, match=rf"^\w+, contract .*(?:{told})"):
+        check_controller(make(), engine="torch")
