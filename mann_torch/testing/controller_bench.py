@@ -11,6 +11,7 @@ from torch import Tensor
 
 from ..control import Controller
 from ..errors import ConfigError, InterfaceError, ShapeError
+from ..parts import ReferenceModel, SecondOrderModel
 from ..plants import DoubleIntegrator, LinearPlant, Plant, TwoLinkArm
 from ..signals import Reference, Sinusoid
 from ..trees import map_tensors
@@ -46,6 +47,7 @@ class ControllerBench(NamedTuple):
     controller: Controller
     plant: Plant
     signal: Reference
+    model: ReferenceModel | None
     reference: ReferenceSample
     measurement: Any
 
@@ -90,7 +92,10 @@ def answer(controller: Any, asked: Asked) -> ControlOutput:
 
 
 def bench_of(
-    controller: Controller, plant: Plant | None, reference: Reference | None
+    controller: Controller,
+    plant: Plant | None,
+    reference: Reference | None,
+    model: ReferenceModel | None,
 ) -> ControllerBench:
     """A bench on the plant given, or on the first that fits.
 
@@ -98,11 +103,18 @@ def bench_of(
     """
     if plant is not None:
         controller.check_fit(len(plant.inputs), len(plant.outputs))
-        return _on(controller, plant, reference)
-    fitting = [made for made in (make() for make in PLANTS) if _fits(controller, made)]
-    if reference is not None:
-        fitting = [p for p in fitting if len(p.outputs) == reference.width] or fitting
-    benches = [_on(controller, each, reference) for each in fitting]
+        fitting = [plant]
+    else:
+        fitting = [made for made in (make() for make in PLANTS) if _fits(controller, made)]
+        for part in (reference, model):
+            if part is not None:
+                fitting = [p for p in fitting if len(p.outputs) == part.width] or fitting
+    benches = [_on(controller, each, reference, model) for each in fitting]
+    if model is None and controller.reference_order <= SecondOrderModel.order:
+        # One that asks for a command is to follow a model.
+        models = [SecondOrderModel(len(each.outputs), 3.0) for each in fitting]
+        both = zip(fitting, models, strict=True)
+        benches += [_on(controller, each, reference, own) for each, own in both]
     errors = list(map(_error, benches))
     # One that refuses what it is given does not fit; one that fails is what is to be told.
     refused = [isinstance(e, ConfigError) and not isinstance(e, InterfaceError) for e in errors]
@@ -110,6 +122,8 @@ def bench_of(
         for i, found in enumerate(benches):
             if wanted(i):
                 return found
+    if plant is not None and errors[0] is not None:
+        raise errors[0]
     why = f" ({said(errors[0])})" if errors and errors[0] is not None else ""
     raise ConfigError(
         f"plant = None: {type(controller).__name__} fits none of the plants that are tried{why}; "
@@ -138,7 +152,12 @@ def _error(found: ControllerBench) -> Exception | None:
     return None if u.shape[-1:] == (m,) else RuntimeError(f"input of shape {tuple(u.shape)}")
 
 
-def _on(controller: Controller, plant: Plant, reference: Reference | None) -> ControllerBench:
+def _on(
+    controller: Controller,
+    plant: Plant,
+    reference: Reference | None,
+    model: ReferenceModel | None,
+) -> ControllerBench:
     p, order = len(plant.outputs), controller.reference_order
     signal = Sinusoid([1.0] * p, 0.5) if reference is None else reference
     if signal.width != p or signal.batch_shape != ():
@@ -146,18 +165,22 @@ def _on(controller: Controller, plant: Plant, reference: Reference | None) -> Co
             f"reference of width {signal.width} and batch shape {tuple(signal.batch_shape)}: the "
             f"plant has {p} outputs, and no batch is wanted"
         )
-    if signal.order < order:
+    if model is not None and model.width != p:
+        raise ShapeError(f"model of width {model.width}: the plant has {p} outputs")
+    if model is None and signal.order < order:
         raise ConfigError(
             f"reference has {signal.order} derivatives, {type(controller).__name__} asks for "
             f"{order}: give a smoother one"
         )
     generator = torch.Generator().manual_seed(2)
-    if reference is None:
+    if reference is None or model is not None:
         sample = drawn_sample(p, order, generator)
     else:
         t = 10.0 * torch.rand(SAMPLES, generator=generator, dtype=torch.float64)
         sample = ReferenceSample(*signal(t).upto(order))
+    if model is not None:
+        sample = sample._replace(command=drawn_sample(p, 0, generator).value)
     b = bench(plant, plant.parameters_of(), None)
     return ControllerBench(
-        controller, plant, signal, sample, plant.measure(b.state, b.coefficients)
+        controller, plant, signal, model, sample, plant.measure(b.state, b.coefficients)
     )

@@ -36,7 +36,7 @@ def check_rollout(b: ControllerBench, engine: str) -> None:
 
 
 def _run(b: ControllerBench, engine: str) -> Trajectory:
-    loop = ClosedLoop(b.plant, b.controller)
+    loop = ClosedLoop(b.plant, b.controller, model=b.model)
     scenario = Scenario(b.signal, b.plant.parameters_of(), STEPS * DT)
     generator = torch.Generator().manual_seed(0)
     with torch.no_grad():

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from ..checks import choice, instance
 from ..control import Controller
+from ..parts import ReferenceModel
 from ..plants import Plant
 from ..signals import Reference
 from ..simulation import ENGINES
@@ -39,29 +40,33 @@ def check_controller(
     controller: Controller,
     plant: Plant | None = None,
     reference: Reference | None = None,
+    model: ReferenceModel | None = None,
     engine: str = "auto",
 ) -> None:
     """Raise `InterfaceError` where a controller breaks a line of its contract, which it names.
 
     It is tried on the plant, or on the first of two-link arm, double integrator and two linear
     plants that it fits, following the reference, or random samples with just the derivatives that
-    it asks for; at last in a short rollout by the engine, ``auto``, ``compiled`` or ``torch``: the
-    compiled one takes some seconds. Of a controller with relaxed attention, check the one that it
-    was relaxed from. Raises `ConfigError`, `ShapeError` for a plant or reference that does not fit,
-    `KindError` for what is no `Controller`, `Plant` or `Reference`.
+    it asks for; if it needs a command beside them, following the output of a `model`, of second
+    order if not given; at last in a short rollout by the engine, ``auto``, ``compiled`` or
+    ``torch``: the compiled one takes some seconds. Of a controller with relaxed attention, check
+    the one that it was relaxed from. Raises `ConfigError`, `ShapeError` for a part that does not
+    fit, and `KindError` for one of a wrong type.
     """
     instance("controller", controller, Controller)
     if plant is not None:
         instance("plant", plant, Plant)
     if reference is not None:
         instance("reference", reference, Reference)
+    if model is not None:
+        instance("model", model, ReferenceModel)
     choice("engine", engine, ENGINES)
     check_held(controller, 5)
     order = controller.reference_order
     if isinstance(order, bool) or not isinstance(order, int) or not 0 <= order <= _MOST:
         mend = f"set it to a whole number from 0 to {_MOST}"
         raise broken(controller, 4, f"reference_order = {order!r}", mend)
-    b = bench_of(controller, plant, reference)
+    b = bench_of(controller, plant, reference, model)
     _check_start(b)
     _check_order(b)
     _check_forms(b, b.at_start())
@@ -86,8 +91,8 @@ def _names(asked: Asked) -> list[str]:
     """What gradients are asked by: all that is no mode."""
     seen = [f"{name} of the measurement" for name in leaf_names(asked.measurement)]
     state = [f"{name} of the state" for name in leaf_names(asked.state)] if asked.state else []
-    order = len([part for part in asked.reference if part is not None])
-    return [*(f"derivative {k} of the reference" for k in range(order)), *seen, *state]
+    followed = [f"{name} of the reference" for name in leaf_names(asked.reference)]
+    return [*followed, *seen, *state]
 
 
 def _check_start(b: ControllerBench) -> None:

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from ..constraints import DesignModule
-from ..errors import InterfaceError
+from ..errors import InterfaceError, ShapeError
 from .telling import broken, said
 
 Result = TypeVar("Result")
@@ -88,7 +88,15 @@ def check_tensor(
 
 
 def check_held(part: nn.Module, line: int | str) -> None:
-    """Raise `InterfaceError` for tensors that are neither declared nor registered, or float32."""
+    """Raise `InterfaceError` for tensors that are neither declared nor registered, or float32.
+
+    `ShapeError` for constants with a batch shape: what is checked has its own.
+    """
+    if isinstance(part, DesignModule) and part.batch_shape() != ():
+        raise ShapeError(
+            f"{type(part).__name__} has constants of batch shape {tuple(part.batch_shape())}: "
+            "check it with one value of each"
+        )
     for path, module in part.named_modules():
         known = module.domains() if isinstance(module, DesignModule) else {}
         for name, value in vars(module).items():

@@ -34,6 +34,7 @@ def check_order(
         ask(sample)
     except Exception as error:
         full = ReferenceSample(*(x if x is not None else sample.value for x in sample.parts))
+        full = full._replace(command=sample.command)
         try:
             ask(full)
         except Exception:

@@ -239,7 +239,7 @@ BROKEN: dict[str, tuple[Callable[[], control.Controller], str]] = {
     "a decision in Python": (lambda: other_input(decided), "vmap.*torch.where"),
     "a measurement detached": (
         lambda: other_input(lambda self, e, de, i: e.detach()),
-        "gradient of forward by derivative 0 of the reference is not what finite",
+        "gradient of forward by value of the reference is not what finite",
     ),
     "a state detached": (
         lambda: other_input(lambda self, e, de, i: e + i.detach()),

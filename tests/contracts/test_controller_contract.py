@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import pytest
 import torch
+from torch import Tensor
 
 import mann_torch as mt
-from mann_torch import control, plants
+from mann_torch import control, parts, plants
+from mann_torch.constraints import NonNegative
 from mann_torch.errors import ConfigError, InterfaceError, KindError, ShapeError
 from mann_torch.testing import check_controller
+from mann_torch.types import ControlOutput
 from tests.conftest import CONTROLLERS, make_controller
 from tests.contracts.broken_controllers import BROKEN, Good
 
@@ -58,12 +62,47 @@ def test_plant_and_reference_may_be_given() -> None:
     check_controller(make_controller("nn"), mt.TwoLinkArm(), mt.Sinusoid([0.3, 0.2], 0.2))
 
 
+class Gains(NamedTuple):
+    command: Tensor  # (..., 1)
+
+
+class Adaptive(control.Controller):
+    """u = k r, dk/dt = gamma r e: it needs the command that its model is told to follow."""
+
+    def __init__(self, gamma: float | list[float] = 1.0) -> None:
+        super().__init__()
+        self.gamma: Tensor
+        self.declare("gamma", gamma, NonNegative())
+
+    def initial_state(self, reference, measurement, batch_shape, generator=None, weights=None):
+        return Gains(torch.zeros(*batch_shape, 1, dtype=torch.float64)), None
+
+    def forward(self, reference, measurement, state, mode):
+        error = reference.value - measurement.y
+        rates = Gains(self.gamma.unsqueeze(-1) * reference.command * error)
+        return ControlOutput(state.command * reference.command, rates, None)
+
+
+def test_one_that_needs_a_command_follows_a_model() -> None:
+    check_controller(Adaptive(), engine="torch")
+    plant = plants.LinearPlant([[-1.0]], [[0.5]], [[1.0]])
+    check_controller(Adaptive(), plant, engine="torch")
+    model = parts.LinearModel.first_order(2.0)
+    check_controller(Adaptive(), plant, mt.Sinusoid([1.0]), model, engine="torch")
+    with pytest.raises(ShapeError, match="model of width 2"):
+        check_controller(Adaptive(), plant, model=parts.SecondOrderModel(2, 1.0))
+    with pytest.raises(ShapeError, match=r"batch shape \(2,\).* one value of each"):
+        check_controller(Adaptive([1.0, 2.0]))
+
+
 def test_what_does_not_fit_is_named() -> None:
     nn = make_controller("nn")
     with pytest.raises(KindError, match="controller = 3"):
         check_controller(3)  # type: ignore[arg-type]
     with pytest.raises(ShapeError, match="1 inputs and 1 outputs"):
         check_controller(nn, plants.Pendulum())
+    with pytest.raises(ShapeError, match="feedback of 3 numbers"):
+        check_controller(control.LinearFeedback([[1.0, 2.0, 3.0]]), plants.Pendulum())
     with pytest.raises(ShapeError, match="reference of width 3"):
         check_controller(nn, reference=mt.Sinusoid([1.0, 1.0, 1.0]))
     with pytest.raises(ConfigError, match="fits none of the plants"):

@@ -30,6 +30,7 @@ CALLS: dict[str, Call] = {
             "controller": control.LinearFeedback([[1.0, 2.0]]),
             "plant": plants.DoubleIntegrator(),
             "reference": mt.Sinusoid([1.0]),
+            "model": mt.SecondOrderModel(1, 3.0),
             "engine": "torch",
         },
     ),
