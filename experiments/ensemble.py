@@ -102,8 +102,7 @@ def _task(cfg: Any) -> None:
     figures = write_ensembles(folder, {"": told}, command, note, plain.output)
     if plain.output.tensorboard:
         _log(folder, plain, command, rollouts, figures)
-    found = statistics(rollouts)
-    lost = len(rollouts) - int(rollouts.ok.sum())
+    lost, units = len(rollouts) - int(rollouts.ok.sum()), rollouts.outputs[:, 1].tolist()
     record = {
         "command": command,
         "alone": alone,
@@ -113,14 +112,15 @@ def _task(cfg: Any) -> None:
         "keys": plain.keys.name,
         "rollouts": len(rollouts),
         "diverged": lost,
-        "measures": found,
+        "outputs": [{"name": name, "unit": unit} for name, unit in rollouts.outputs.tolist()],
+        "measures": statistics(rollouts),
         "engine": ", ".join(sorted({part.engine for part in parts})),
         "peak_mb": most,
         "wall_s": wall_s,
-        "units": {"srmse": "rad", "srmse_after_10s": "rad", "wall_s": "s", "peak_mb": "MB"},
+        "units": {"srmse": units, "srmse_after_10s": units, "wall_s": "s", "peak_mb": "MB"},
     }
     finish(folder, record)
-    print(f"{title}: {len(rollouts)} rollouts, {note}\n{table(found)}")
+    print(f"{title}: {len(rollouts)} rollouts, {note}\n{table(rollouts)}")
     print(f"written to {folder}", flush=True)
     if lost:
         print(f"warning: {lost} rollouts diverged, see ensemble.md", file=sys.stderr)

@@ -25,6 +25,7 @@ from .command.cli import command_line, reject_unknown, run_cli
 from .gradients.elasticities import Findings, difference_name, estimate_all
 from .gradients.figures import landscapes, norms
 from .records.recording import log_summary, summary_writer, telling_settings
+from .runs.figures import with_unit
 from .runs.life import finish
 from .runs.pictures import check_pictures, linked, save_all
 from .runs.progress import progress_bar
@@ -118,6 +119,7 @@ def _task(cfg: Any) -> None:
             "wall_s": wall_s,
             "scenario": plain.scenario.name,
             "controller": plain.controller.name,
+            "outputs": [channel._asdict() for channel in findings.outputs],
             "srmse": findings.srmse,
             "switches": findings.switches,
             "reallocations": findings.reallocations,
@@ -144,13 +146,14 @@ def _report(
     cfg: GradientReportConfig, findings: Findings, title: str, command: str, wall_s: float
 ) -> str:
     judge = difference_name(cfg.judge)
-    joints = "both joints together" if cfg.joint == 0 else f"joint {cfg.joint}"
+    outputs = " and ".join(channel.name for channel in findings.outputs)
     mean = sum(findings.srmse) / len(findings.srmse)
+    of = with_unit("SRMSE x 10^3", findings.unit)
     lines = [
         f"# Gradients: {title}\n",
         f"{cfg.draws} draws, {wall_s:.0f} s. Made by `{command}`.\n",
-        f"Elasticities d ln(mean SRMSE, {joints}) / d ln(constant), with 95 % intervals over "
-        f"draws. SRMSE x 10^3 = {1e3 * mean:.3f}; a draw has "
+        f"Elasticities d ln(mean SRMSE of {outputs}) / d ln(constant), with 95 % intervals over "
+        f"draws. {of} = {1e3 * mean:.3f}; a draw has "
         f"{_range(findings.switches)} switches and {_range(findings.reallocations)} resets. "
         f"Verdicts are against **{judge}**: central differences, the judge.\n",
         "| constant | " + " | ".join(e.mode for e in findings.estimates) + " |",

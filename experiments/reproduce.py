@@ -23,13 +23,13 @@ from .command.cli import command_line, reject_unknown, run_cli
 from .command.failing import FAILED
 from .records.recording import log_summary, summary_writer
 from .reproduction import golden as gold
-from .reproduction import tables
+from .reproduction import pictures, tables
 from .reproduction.claims import Finding, findings
 from .reproduction.jobs import JobResult, batches, check_recorded, n_steps, run_job
 from .reproduction.plan import Job, judges_claims, plan
 from .reproduction.results import Results
 from .reproduction.tables import Cell
-from .runs import figures as pictures
+from .runs.figures import of_draws
 from .runs.life import finish
 from .runs.parts import all_parts
 from .runs.pictures import check_pictures, linked, save_all
@@ -176,19 +176,14 @@ def _claims(found: list[Finding]) -> str:
 def _draw(
     cfg: ReproduceConfig, results: Results, all_cells: list[Cell], folder: Path
 ) -> dict[str, Figure]:
-    panels = {
-        "joint_angles": pictures.joint_angles,
-        "features_and_read": pictures.features_and_read,
-        "attention_timeline": pictures.attention_timeline,
-    }
     drawn: dict[str, Figure] = {}
     for name, figure in cfg.figures.items():
         runs = {
-            variant: pictures.one_draw(results.signals(figure.scenario, variant), 0)
+            variant: of_draws(results.signals(figure.scenario, variant), 0)
             for variant in figure.variants
         }
         for panel in figure.panels:
-            drawn[f"{name}_{panel}"] = panels[panel](runs, figure.title)
+            drawn[f"{name}_{panel}"] = pictures.panel(panel, runs, figure.title)
     rows = [
         (f"{c.table.split(':')[0]}, {c.label}, joint {c.joint}", c.paper, c.mean, c.sd)
         for c in tables.published(all_cells)

@@ -9,7 +9,7 @@ if __name__ == "__main__":
 
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -27,17 +27,11 @@ from .building.masses import late_jumps
 from .building.sizes import check_samples
 from .building.weights import check_draws
 from .command.cli import command_line, reject_unknown, run_cli
-from .records.recording import log_run, metrics_of, signal_arrays
-from .runs.figures import (
-    Arrays,
-    attention_timeline,
-    features_and_read,
-    joint_angles,
-    one_draw,
-    torques,
-    with_resets,
-)
+from .records.arrays import signal_arrays
+from .records.recording import channels_of, log_run, metrics_of, units_of
+from .runs.figures import Arrays, hidden_states, inputs, of_draws, outputs, traces, with_unit
 from .runs.life import finish
+from .runs.memory_figures import attends, attention_timeline, features_and_read, with_resets
 from .runs.pictures import check_pictures, save_all
 from .runs.progress import progress_bar
 from .runs.writing import write_arrays
@@ -93,29 +87,37 @@ def simulate(cfg: SimulateConfig) -> tuple[Experiment, Trajectory, float]:
 
 
 def run_figures(title: str, name: str, arrays: Arrays, member: int) -> dict[str, Figure]:
-    """The standard pictures of one draw of a run."""
-    run = one_draw(arrays, member)
+    """The standard pictures of one draw of a run, those of a memory where there is one."""
+    run = of_draws(arrays, member)
     runs = {name: run}
-    figures = {"joint_angles": joint_angles(runs, title)}
-    figures["torques"] = torques(runs, title)
-    figures["features_and_read"] = features_and_read(runs, title)
-    if "attended" in run:
+    figures = {"outputs": outputs(runs, title), "inputs": inputs(runs, title)}
+    others, adaptive = hidden_states(run), run["adaptive"].tolist()
+    if others:
+        figures["states"] = traces(run, others, title)
+    if "hidden" in run and run["hidden"].ndim == 2:
+        figures["features_and_read"] = features_and_read(runs, title)
+    elif adaptive:
+        figures["controller"] = traces(run, adaptive, title)
+    if attends(run):
         figures["attention"] = attention_timeline(runs, title)
-        figures["memory"] = memory_figure({name: with_resets(run)}, run["t"], title, (), "t [s]")
+        if "mu" in run:
+            resets = {name: with_resets(run)}
+            figures["memory"] = memory_figure(resets, run["t"], title, (), "t [s]")
     return figures
 
 
-def summary(metrics: Mapping[str, Any]) -> str:
-    """The run's table, a line a draw."""
-    lines = ["draw  SRMSE x 10^3 [rad]    after 10 s        reallocations  switches  status"]
-    for draw, status in enumerate(metrics["status"]):
-        a, b = (1e3 * value for value in metrics["srmse"][draw])
-        c, d = (1e3 * value for value in metrics["srmse_after_10s"][draw])
-        lines.append(
-            f"{draw:>4}  {a:9.3f} {b:9.3f}  {c:9.3f} {d:9.3f}"
-            f"  {metrics['reallocations'][draw]:>12}  {metrics['switches'][draw]:>8}  {status}"
-        )
-    return "\n".join(lines)
+def summary(metrics: Mapping[str, Any], channels: Sequence[Mapping[str, str]]) -> str:
+    """The run's table, a line a draw: SRMSE in a column for each output."""
+    table = [["draw", *map(str, range(len(metrics["status"])))]]
+    heads = [with_unit(f"SRMSE x 10^3, {each['name']}", each["unit"]) for each in channels]
+    late = [f"{each['name']} after 10 s" for each in channels]
+    for key, names in (("srmse", heads), ("srmse_after_10s", late)):
+        for name, values in zip(names, zip(*metrics[key], strict=True), strict=True):
+            table.append([name, *(f"{1e3 * value:.3f}" for value in values)])
+    table += [[name, *map(str, metrics[name])] for name in ("reallocations", "switches")]
+    columns = [[text.rjust(max(map(len, column))) for text in column] for column in table]
+    columns.append(["status", *metrics["status"]])
+    return "\n".join("  ".join(row) for row in zip(*columns, strict=True))
 
 
 def _task(cfg: Any) -> None:
@@ -130,6 +132,7 @@ def _task(cfg: Any) -> None:
         metrics = metrics_of(trajectory)
         arrays = signal_arrays(experiment.loop, experiment.scenario, trajectory)
     title = f"scenario {plain.scenario.name}, {plain.controller.name}, {plain.keys.name} keys"
+    channels = channels_of(trajectory)
     record = {
         **metrics,
         "wall_s": wall_s,
@@ -139,7 +142,8 @@ def _task(cfg: Any) -> None:
         "solver": trajectory.solver,
         "engine": trajectory.engine,
         "engine_reason": trajectory.engine_reason,
-        "units": {"srmse": "rad", "srmse_after_10s": "rad", "wall_s": "s"},
+        **channels,
+        "units": units_of(trajectory),
         "command": command,
     }
     write_arrays(folder / "trajectory.npz", arrays)
@@ -151,7 +155,7 @@ def _task(cfg: Any) -> None:
         log_run(folder, plain, arrays, metrics, figures, command)
     finish(folder, record)
     print(f"{title}, {trajectory.solver} ({trajectory.engine}), {wall_s:.1f} s")
-    print(summary(metrics))
+    print(summary(metrics, channels["outputs"]))
     print(f"written to {folder}", flush=True)
     if any(status != "ok" for status in metrics["status"]):
         print("warning: a draw diverged; its SRMSE is null in metrics.json", file=sys.stderr)

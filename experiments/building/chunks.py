@@ -10,7 +10,7 @@ import torch
 
 from mann_torch import rollout
 
-from ..ensembles.rollouts import Chunk
+from ..ensembles.rollouts import Chunk, drawn_of
 from ..records.recording import metrics_of
 from ..runs.workers import peak_mb
 from ..settings.config import LoopConfig, SimulateConfig
@@ -56,7 +56,8 @@ def run_chunk(
     progress(count)
     return Chunk(
         number=np.arange(first, first + count),
-        masses=made.scenario.parameters.masses.numpy(),
+        outputs=np.array(trajectory.outputs, str),
+        **drawn_of({"masses": made.scenario.parameters.masses.numpy()}),
         engine=trajectory.engine,
         peak_mb=peak_mb(),
         **found,

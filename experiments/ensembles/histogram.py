@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..runs.figures import beside
+from ..runs.figures import beside, symbol, with_unit
 from .rollouts import Rollouts
 
 if TYPE_CHECKING:
@@ -20,26 +20,36 @@ _SHOWN = 0.999
 
 
 def histogram(ensembles: Mapping[str, Rollouts], title: str) -> Figure:
-    """A row an ensemble, a column a joint; the axis is shared by a column."""
+    """A row an ensemble, a column an output; the axis is shared by a column."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(13, 0.8 + 3.0 * len(ensembles)), layout="constrained")
-    grid = figure.subplots(len(ensembles), 2, squeeze=False, sharex="col")
-    for joint in range(2):
-        errors = {name: 1e3 * r.srmse[r.ok, joint] for name, r in ensembles.items()}
+    units = {n: u for r in ensembles.values() for n, u in r.outputs.tolist()}
+    size = (6.5 * max(1, len(units)), 0.8 + 3.0 * len(ensembles))
+    figure = Figure(figsize=size, layout="constrained")
+    grid = figure.subplots(len(ensembles), len(units), squeeze=False, sharex="col")
+    for column, (output, unit) in enumerate(units.items()):
+        errors = {name: _errors(rollouts, output) for name, rollouts in ensembles.items()}
         finite = [values for values in errors.values() if len(values)]
         if finite:
             least = min(values.min() for values in finite)
             most = max(np.quantile(values, _SHOWN) for values in finite)
             bins = min(60, max(10, int(max(map(len, finite)) ** 0.5)))
             edges = np.linspace(least, max(most, least + 1e-9), bins + 1)
-            for ax, (name, values) in zip(grid[:, joint], errors.items(), strict=True):
+            for ax, (name, values) in zip(grid[:, column], errors.items(), strict=True):
                 _panel(ax, values, edges)
                 ax.set_title(name, fontsize="medium")
                 ax.set_ylabel("rollouts")
-        grid[-1][joint].set_xlabel(rf"SRMSE of joint {joint + 1} x $10^3$ [rad]")
+        label = rf"SRMSE of {symbol(output)} x $10^3$"
+        grid[-1][column].set_xlabel(with_unit(label, unit))
     figure.suptitle(title)
     return figure
+
+
+def _errors(rollouts: Rollouts, output: str) -> np.ndarray:
+    """10^3 times the SRMSE of an output, of those that came to their end and have it."""
+    if output not in rollouts.names:
+        return np.empty(0)
+    return 1e3 * rollouts.srmse[rollouts.ok, rollouts.names.index(output)]
 
 
 def _panel(ax: Axes, values: np.ndarray, edges: np.ndarray) -> None:

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..runs.pictures import linked, save_all
-from ..runs.writing import csv_text, write_text
+from ..runs.writing import write_text
 from ..settings.config import PicturesConfig
 from .histogram import histogram
-from .rollouts import HEADER, ROLLOUTS, Rollouts, rows_of, text_of
-from .summary import ranges, statistics, table, worst_table
+from .rollouts import ROLLOUTS, Rollouts, text_of
+from .summary import ranges, table, worst_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,18 +40,14 @@ def write_ensembles(
     Returns the pictures by name.
     """
     output = output or PicturesConfig()
-    if len(ensembles) == 1:
-        write_text(folder / ROLLOUTS, text_of(next(iter(ensembles.values())).rollouts))
-    else:
-        rows = [[name, *row] for name, told in ensembles.items() for row in rows_of(told.rollouts)]
-        write_text(folder / ROLLOUTS, csv_text([("ensemble", *HEADER), *rows]))
+    rollouts = {name: told.rollouts for name, told in ensembles.items()}
+    write_text(folder / ROLLOUTS, text_of(rollouts))
     page = [f"`{command}`", *(_section(name, told) for name, told in ensembles.items())]
     page += [note] if note else []
     figures = {}
     if output.figures:
         titles = {told.title for told in ensembles.values()}
         title = titles.pop() if len(titles) == 1 else f"{len(ensembles)} ensembles"
-        rollouts = {name: told.rollouts for name, told in ensembles.items()}
         figures["histogram"] = histogram(rollouts, title)
     save_all(folder, figures, output)
     write_text(folder / "ensemble.md", "\n\n".join(page) + "\n" + linked(figures, output))
@@ -65,7 +61,7 @@ def _section(name: str, told: Told) -> str:
     parts += [
         f"{told.title}: {len(rollouts)} rollouts, {ranges(rollouts.number)}; {lost} diverged. "
         "Means with 95 % intervals, and quantiles, over those that did not.",
-        table(statistics(rollouts)),
+        table(rollouts),
         f"The worst. To run one of them alone: `{told.alone}` and its overrides.",
         worst_table(rollouts, told.draw),
     ]

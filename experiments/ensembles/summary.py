@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
 
 import numpy as np
 
+from ..runs.figures import with_unit
 from ..runs.intervals import interval
 from ..runs.writing import aligned
 from .rollouts import Rollouts
@@ -18,11 +18,8 @@ _WORST = 10
 
 def measures(rollouts: Rollouts) -> dict[str, np.ndarray]:
     """Columns by name, the leading one first."""
-    found = {}
-    for name in ("srmse", "srmse_after_10s"):
-        for joint, column in enumerate(getattr(rollouts, name).T, start=1):
-            found[f"{name}_{joint}"] = column
-    return found | {name: getattr(rollouts, name) for name in ("reallocations", "switches")}
+    counts = {name: getattr(rollouts, name) for name in ("reallocations", "switches")}
+    return rollouts.errors() | counts
 
 
 def statistics(rollouts: Rollouts) -> dict[str, Statistics]:
@@ -41,22 +38,23 @@ def _of(values: np.ndarray) -> Statistics:
     return dict(zip(names, map(float, found), strict=True))
 
 
-def table(found: Mapping[str, Statistics]) -> str:
-    """Markdown, SRMSE x 10^3 as the paper prints it."""
+def table(rollouts: Rollouts) -> str:
+    """Their statistics in Markdown, SRMSE x 10^3 as the paper prints it."""
+    units = dict(zip(rollouts.errors(), rollouts.outputs[:, 1].tolist() * 2, strict=True))
     shares = [f"{100 * share:g} %" for share in QUANTILES.values()]
     body = [["", "mean", "standard deviation", "least", *shares, "most"]]
-    for name, values in found.items():
-        of_error = name.startswith("srmse")
+    for name, values in statistics(rollouts).items():
+        of_error = name in units
         scale, digits = (1e3, 4) if of_error else (1.0, 2)
         told = {key: f"{scale * value:.{digits}f}" for key, value in values.items()}
-        head = f"{name} x 10^3 [rad]" if of_error else name
+        head = with_unit(f"{name} x 10^3", units[name]) if of_error else name
         mean = told["mean"] + ("" if np.isnan(values["half"]) else f" ± {told['half']}")
         body.append([head, mean, *(told[k] for k in ("sd", "least", *QUANTILES, "most"))])
     return aligned(body)
 
 
 def worst(rollouts: Rollouts) -> list[int]:
-    """Rows of those that diverged, then of the largest SRMSE of both joints, ten at most."""
+    """Rows of those that diverged, then of the largest SRMSE over all outputs, ten at most."""
     size = np.sqrt(np.square(rollouts.srmse).sum(axis=1))
     size = np.where(rollouts.ok, size, np.inf)
     return [int(row) for row in np.argsort(-size, kind="stable")[:_WORST]]
@@ -64,14 +62,21 @@ def worst(rollouts: Rollouts) -> list[int]:
 
 def worst_table(rollouts: Rollouts, draw: int) -> str:
     """The worst with the overrides that run each of them alone; `draw` is that of rollout 0."""
-    body = [["rollout", "SRMSE x 10^3 [rad]", "status", "overrides"]]
+    body = [["rollout", f"SRMSE x 10^3 of {', '.join(rollouts.names)}", "status", "overrides"]]
     for row in worst(rollouts):
         errors = ", ".join(f"{1e3 * value:.4f}" for value in rollouts.srmse[row])
-        masses = ",".join(map(repr, rollouts.masses[row].tolist()))
-        own = [f"initial.draw={draw + int(rollouts.number[row])}", f"plant.masses=[{masses}]"]
+        own = [f"initial.draw={draw + int(rollouts.number[row])}", *_parameters(rollouts, row)]
         told = str(rollouts.status[row]).replace("|", "\\|")
         body.append([str(rollouts.number[row]), errors, told, f"`{shlex.join(own)}`"])
     return aligned(body)
+
+
+def _parameters(rollouts: Rollouts, row: int) -> list[str]:
+    """Overrides of the plant's parameters that are a rollout's own."""
+    own: dict[str, list[float]] = {}
+    for entry, value in zip(rollouts.entries.tolist(), rollouts.drawn[row].tolist(), strict=True):
+        own.setdefault(entry.rpartition("_")[0], []).append(value)
+    return [f"plant.{name}=[{','.join(map(repr, values))}]" for name, values in own.items()]
 
 
 def ranges(numbers: np.ndarray) -> str:

@@ -22,6 +22,7 @@ from mann_torch.tuning import (
     pathwise_slopes,
     smoothed,
 )
+from mann_torch.types import Channel
 
 from ..runs.intervals import Interval
 from ..settings.study_config import GradientReportConfig
@@ -48,7 +49,8 @@ class Findings:
     """All that a report says."""
 
     labels: tuple[str, ...]
-    srmse: list[float]  # of each draw [rad]
+    outputs: list[Channel]  # whose SRMSE is differentiated: one, or all together
+    srmse: list[float]  # of each draw
     n_steps: int
     switches: list[int]
     reallocations: list[int]
@@ -59,6 +61,12 @@ class Findings:
     events: dict[
         str, list[int]
     ]  # of the hybrid rollouts: located, sliding, unresolved, a draw each
+
+    @property
+    def unit(self) -> str:
+        """Of the SRMSE; empty where outputs of different units are taken together."""
+        units = {channel.unit for channel in self.outputs}
+        return units.pop() if len(units) == 1 else ""
 
     def by(self, mode: str) -> Estimate:
         """The estimate of one mode."""
@@ -99,18 +107,18 @@ def estimate_all(
     """Every mode at the present constants. `progress` hears what comes next."""
     members, zero = len(ensemble), torch.zeros(coordinates.size, dtype=torch.float64)
 
-    def of_joints(run: Outcome) -> Tensor:
-        joints = srmse(run)
-        return joints.square().sum(-1).sqrt() if cfg.joint == 0 else joints[..., cfg.joint - 1]
+    def of_outputs(run: Outcome) -> Tensor:
+        each = srmse(run)
+        return each.square().sum(-1).sqrt() if cfg.joint == 0 else each[..., cfg.joint - 1]
 
     events: dict[str, list[int]] = {}
 
     def watch(run: Outcome) -> Tensor:
         if run.events is not None:
             events.update({k: v.tolist() for k, v in run.events._asdict().items()})
-        return of_joints(run)
+        return of_outputs(run)
 
-    judge, watched = Judged(of_joints, TOTALS), Judged(watch, TOTALS)
+    judge, watched = Judged(of_outputs, TOTALS), Judged(watch, TOTALS)
     points: list[tuple[Tensor, Tensor]] = []
 
     def values(z: Tensor) -> Tensor:
@@ -153,6 +161,7 @@ def estimate_all(
             norms[mode].insert(0, (horizon, float(slopes.mean(dim=0).norm()) / value))
     return Findings(
         labels=coordinates.labels,
+        outputs=list(now.outputs if cfg.joint == 0 else now.outputs[cfg.joint - 1 : cfg.joint]),
         srmse=each.tolist(),
         n_steps=len(now.step_t) - 1,
         switches=switches(now).tolist(),

@@ -1,4 +1,4 @@
-"""What a run leaves behind: arrays, metrics and TensorBoard logs of a trajectory."""
+"""What a run leaves behind: metrics and TensorBoard logs of a trajectory."""
 
 from __future__ import annotations
 
@@ -10,16 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
-import torch
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
 
 from mann_torch import Trajectory, reallocations, srmse, switches
-from mann_torch.simulation import ClosedLoop, Scenario, attended_slot, observe
 
 from ..command.cli import compose_job
 from ..command.overrides import as_typed
-from ..runs.figures import is_soft
+from ..runs.memory_figures import attends, is_soft
 from ..settings.config import SimulateConfig
 
 if TYPE_CHECKING:
@@ -36,7 +34,7 @@ MAX_POINTS = 2000
 
 
 def metrics_of(trajectory: Trajectory) -> dict[str, Any]:
-    """Figures of merit, one entry a draw; SRMSE in rad, NaN for a draw that diverged."""
+    """Figures of merit, one entry a draw; SRMSE, one an output, NaN for a draw that diverged."""
     return {
         "srmse": srmse(trajectory).tolist(),
         "srmse_after_10s": srmse(trajectory, after=10.0).tolist(),
@@ -46,36 +44,16 @@ def metrics_of(trajectory: Trajectory) -> dict[str, Any]:
     }
 
 
-def signal_arrays(
-    loop: ClosedLoop, scenario: Scenario, trajectory: Trajectory
-) -> dict[str, np.ndarray]:
-    """The trajectory at its samples as arrays (K, draws, .): units rad, rad/s, N m, kg, s."""
-    output = observe(loop, scenario, trajectory)
-    signals = output.signals
-    t = trajectory.sample_t
-    masses = scenario.parameters_at(t).masses
-    tensors: dict[str, torch.Tensor | None] = {
-        "t": t,
-        "q": trajectory.states.plant.q,
-        "qd": trajectory.states.plant.qd,
-        "error": signals.tracking.error,
-        "error_rate": signals.tracking.error_rate,
-        "torque": output.input,
-        "gain": signals.gain,
-        "hidden": signals.features.hidden,
-        "read": signals.read,
-        "weights": signals.weights,
-        "attended": attended_slot(trajectory),
-        "masses": masses,
-    }
-    if trajectory.modes is not None:
-        tensors["reallocations"] = trajectory.modes.reallocations
-        tensors["active"] = trajectory.modes.active
-    if trajectory.states.controller.memory is not None:
-        tensors["mu"] = trajectory.states.controller.memory.mu
-    arrays = {name: value.numpy() for name, value in tensors.items() if value is not None}
-    arrays["reference"] = arrays["q"] + arrays["error"]
-    return arrays
+def channels_of(trajectory: Trajectory) -> dict[str, list[dict[str, str]]]:
+    """Names and units of `outputs`, of which SRMSE has one number each, and of `inputs`."""
+    found = {"outputs": trajectory.outputs, "inputs": trajectory.inputs}
+    return {name: [channel._asdict() for channel in row] for name, row in found.items()}
+
+
+def units_of(trajectory: Trajectory) -> dict[str, Any]:
+    """Of the metrics: one an output where there is one number an output."""
+    units = [channel.unit for channel in trajectory.outputs]
+    return {"srmse": units, "srmse_after_10s": units, "wall_s": "s"}
 
 
 def summary_writer(folder: Path, command: str) -> Writer:
@@ -101,8 +79,8 @@ def log_run(
             for step, value in zip(steps, values[::stride].tolist(), strict=True):
                 writer.add_scalar(tag, value, step)
         results = {
-            f"metrics/srmse_{joint + 1}": float(np.mean([row[joint] for row in metrics["srmse"]]))
-            for joint in range(2)
+            f"metrics/srmse_{name}": float(np.mean([row[place] for row in metrics["srmse"]]))
+            for place, name in enumerate(arrays["outputs"][:, 0].tolist())
         }
         log_summary(writer, telling_settings(cfg, IDENTITY), results, figures)
 
@@ -126,20 +104,26 @@ def log_summary(
 
 
 def _curves(arrays: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:
+    """Errors by output, inputs by name, and what a memory attends to, of each draw."""
+    outputs, inputs = (arrays[name][:, 0].tolist() for name in ("outputs", "inputs"))
+    columns = [("error", i, f"error_{name}") for i, name in enumerate(outputs)]
+    columns += [("input", i, name) for i, name in enumerate(inputs)]
+    if "applied" in arrays:
+        columns += [("applied", i, f"{name}_applied") for i, name in enumerate(inputs)]
+    acting = arrays["disturbances"][:, 0].tolist()
+    columns += [("disturbance", i, name) for i, name in enumerate(acting)]
     curves = []
-    draws = arrays["q"].shape[1]
-    for draw in range(draws):
-        for joint in range(arrays["q"].shape[2]):
-            for name in ("error", "torque"):
-                tag = f"draw{draw}/{name}_{joint + 1}"
-                curves.append((tag, arrays[name][:, draw, joint]))
-        soft = "weights" in arrays and is_soft(arrays["weights"][:, draw])
+    for draw in range(arrays["output"].shape[1]):
+        curves += [(f"draw{draw}/{tag}", arrays[a][:, draw, i]) for a, i, tag in columns]
+        if not attends(arrays):
+            continue
+        soft = is_soft(arrays["weights"][:, draw])
         if soft:
             for slot in range(arrays["weights"].shape[-1]):
                 curve = arrays["weights"][:, draw, slot]
                 curves.append((f"draw{draw}/weight_{slot + 1}", curve))
-        for name in ("attended", "reallocations"):
-            if name in arrays and not soft:
+        else:
+            for name in ("attended", "reallocations"):
                 curves.append((f"draw{draw}/{name}", arrays[name][:, draw]))
     return curves
 

@@ -19,7 +19,9 @@ from ..building.batching import side_by_side
 from ..building.build import Experiment, build
 from ..building.ensembles import composed
 from ..building.sizes import check_samples
-from ..records.recording import metrics_of, signal_arrays
+from ..records.arrays import signal_arrays
+from ..records.recording import metrics_of
+from ..runs.figures import of_draws
 from ..settings.config import ReproduceConfig, SimulateConfig
 from .plan import Job
 
@@ -36,7 +38,7 @@ class JobResult:
     reallocations: np.ndarray  # (scenarios, draws)
     switches: np.ndarray
     status: list[list[str]]
-    signals: dict[str, dict[str, np.ndarray]]  # scenario -> arrays of recording.signal_arrays
+    signals: dict[str, dict[str, np.ndarray]]  # scenario -> arrays of `signal_arrays`
     engine: str
     n_hidden: int
 
@@ -149,9 +151,7 @@ def run_job(cfg: ReproduceConfig, job: Job, progress: Callable[[int], object]) -
             if scenario in job.recorded:
                 with torch.inference_mode():
                     arrays = signal_arrays(experiment.loop, experiment.scenario, trajectory)
-                kept = {name: a if name == "t" else a[:, chosen] for name, a in arrays.items()}
-                kept["masses"] = kept["masses"][:, 0]
-                signals[scenario] = kept
+                signals[scenario] = of_draws(arrays, chosen)
 
     def column(name: str) -> np.ndarray:
         return np.array([rows[scenario][name] for scenario in job.scenarios])

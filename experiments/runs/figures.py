@@ -1,7 +1,8 @@
-"""Pictures of trajectories. Arrays are those of `recording.signal_arrays`, for one draw."""
+"""Pictures of trajectories. Arrays are those of `records.arrays.signal_arrays`, for one draw."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -12,26 +13,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Arrays = Mapping[str, np.ndarray]
+#: How a channel, a parameter or an entry of one is written in a picture, by name.
+Symbols = Mapping[str, str]
 COLOURS = ("tab:red", "tab:blue", "tab:green", "tab:purple", "tab:orange")
+_SIDE_BY_SIDE = 3  # outputs, at most
+_IN_LEGEND = 10  # lines, at most
+#: Units whose thousandth is written with an m before it.
+_WITH_MILLI = ("rad", "m", "rad/s", "m/s", "V", "A", "s")
 
 
-def one_draw(arrays: Arrays, draw: int) -> dict[str, np.ndarray]:
-    """The arrays of one draw: (K, draws, .) -> (K, .); what all draws share stays."""
-    draws = arrays["q"].shape[1]
+def of_draws(arrays: Arrays, which: int | slice) -> dict[str, np.ndarray]:
+    """The arrays of one draw, (K, draws, .) -> (K, .), or of some; what all share stays."""
     return {
-        name: a[:, draw] if name not in ("t", "masses") and a.shape[1:2] == (draws,) else a
-        for name, a in arrays.items()
+        name: array if name == "t" or array.dtype.kind == "U" else array[:, which]
+        for name, array in arrays.items()
     }
-
-
-def with_resets(run: Arrays) -> dict[str, np.ndarray]:
-    """One draw's arrays and `reset` (K,): the slot reset since the sample before, -1 for none.
-
-    As far as samples tell: the slot attended after it.
-    """
-    counts = run["reallocations"]
-    new = np.diff(counts, prepend=counts[:1]) > 0
-    return {**run, "reset": np.where(new, run["attended"], -1)}
 
 
 def beside(ax: Axes, *given: Any, **options: Any) -> None:
@@ -39,145 +35,146 @@ def beside(ax: Axes, *given: Any, **options: Any) -> None:
     ax.legend(*given, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, **options)
 
 
-def joint_angles(runs: Mapping[str, Arrays], title: str) -> Figure:
-    """x_1 and x_2 of several controllers over the reference, and their errors below."""
+def symbol(name: str, symbols: Symbols | None = None) -> str:
+    """A name as text of a picture: as told, else a letter as mathematics, else as it is."""
+    told = (symbols or {}).get(name)
+    if told is not None:
+        return told
+    found = re.fullmatch(r"([A-Za-z])(?:_(\d+))?", name)
+    if found is None:
+        return name
+    letter, number = found.groups()
+    return f"${letter}$" if number is None else f"${letter}_{{{number}}}$"
+
+
+def with_unit(text: str, unit: str) -> str:
+    """A label; 1 and the empty unit are none."""
+    return text if unit in ("", "1") else f"{text} [{unit}]"
+
+
+def _thousandth(unit: str) -> str:
+    if unit in _WITH_MILLI:
+        return f"m{unit}"
+    return "$10^{-3}$" if unit in ("", "1") else f"$10^{{-3}}$ {unit}"
+
+
+def outputs(runs: Mapping[str, Arrays], title: str, symbols: Symbols | None = None) -> Figure:
+    """Each output of several controllers over the reference, and its error below."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11, 6.2), layout="constrained")
-    axes = figure.subplots(2, 2, sharex=True)
-    for joint in range(2):
-        top, bottom = axes[0][joint], axes[1][joint]
-        for colour, (name, run) in zip(COLOURS, runs.items(), strict=False):
-            top.plot(run["t"], run["q"][:, joint], color=colour, lw=1.0, label=name)
-            bottom.plot(run["t"], 1e3 * run["error"][:, joint], color=colour, lw=0.8, label=name)
-        first = next(iter(runs.values()))
-        top.plot(first["t"], first["reference"][:, joint], "k--", lw=0.8, label="reference")
-        top.set_ylabel(f"$x_{joint + 1}$ [rad]")
-        bottom.set_ylabel(f"$e_{joint + 1}$ [mrad]")
+    first = next(iter(runs.values()))
+    channels = first["outputs"].tolist()
+    columns = min(len(channels), _SIDE_BY_SIDE)
+    blocks = -(-len(channels) // columns)
+    size = (max(7.0, 5.5 * columns), 6.2 * blocks)
+    figure = Figure(figsize=size, layout="constrained")
+    axes = figure.subplots(2 * blocks, columns, sharex=True, squeeze=False)
+    for place, (name, unit) in enumerate(channels):
+        block, column = divmod(place, columns)
+        top, bottom = axes[2 * block][column], axes[2 * block + 1][column]
+        for colour, (label, run) in zip(COLOURS, runs.items(), strict=False):
+            top.plot(run["t"], run["output"][:, place], color=colour, lw=1.0, label=label)
+            bottom.plot(run["t"], 1e3 * run["error"][:, place], color=colour, lw=0.8, label=label)
+        top.plot(first["t"], first["reference"][:, place], "k--", lw=0.8, label="reference")
+        if "command" in first:
+            top.plot(first["t"], first["command"][:, place], "k:", lw=0.8, label="command")
+        top.set_ylabel(with_unit(symbol(name, symbols), unit))
+        bottom.set_ylabel(f"$e_{{{place + 1}}}$ [{_thousandth(unit)}]")
         bottom.set_xlabel("t [s]")
         for ax in (top, bottom):
-            _mark_jumps(ax, first)
+            mark_jumps(ax, first)
         _fit_after_start(
-            bottom, [(run["t"], 1e3 * run["error"][:, joint]) for run in runs.values()]
+            bottom, [(run["t"], 1e3 * run["error"][:, place]) for run in runs.values()]
         )
+    for place in range(len(channels), blocks * columns):
+        block, column = divmod(place, columns)
+        axes[2 * block][column].remove()
+        axes[2 * block + 1][column].remove()
     figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
     figure.suptitle(title)
     return figure
 
 
-def features_and_read(runs: Mapping[str, Arrays], title: str) -> Figure:
-    """sigma and h_o, one line a neuron, one column a controller."""
+def inputs(runs: Mapping[str, Arrays], title: str) -> Figure:
+    """Each input of several controllers against time; dashed, what the plant got of it instead.
+
+    Below them what else acts on the plant, if anything does: a wind.
+    """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(5.5 * len(runs), 5.5), layout="constrained")
-    axes = figure.subplots(2, len(runs), sharex=True, sharey="row", squeeze=False)
-    for column, (name, run) in enumerate(runs.items()):
-        for row, (key, symbol) in enumerate((("hidden", r"$\sigma$"), ("read", "$h_o$"))):
-            ax = axes[row][column]
-            if key in run:
-                ax.plot(run["t"], run[key], lw=0.7)
-                ax.set_ylabel(symbol)
-                _mark_jumps(ax, run)
-            else:
-                ax.text(0.5, 0.5, "no memory", ha="center", transform=ax.transAxes)
-        axes[0][column].set_title(name)
-        axes[1][column].set_xlabel("t [s]")
-    figure.suptitle(title)
-    return figure
-
-
-def torques(runs: Mapping[str, Arrays], title: str) -> Figure:
-    """tau_1 and tau_2 of several controllers against time."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11, 5.5), layout="constrained")
-    axes = figure.subplots(2, 1, sharex=True)
-    for joint, ax in enumerate(axes):
-        for colour, (name, run) in zip(COLOURS, runs.items(), strict=False):
-            ax.plot(run["t"], run["torque"][:, joint], color=colour, lw=0.8, label=name)
-        ax.set_ylabel(rf"$\tau_{joint + 1}$ [N m]")
-        _mark_jumps(ax, next(iter(runs.values())))
-        _drop_start(ax, [(run["t"], run["torque"][:, joint]) for run in runs.values()])
-    axes[-1].set_xlabel("t [s]")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
-    figure.suptitle(title)
-    return figure
-
-
-def is_soft(weights: np.ndarray) -> bool:
-    """Whether attention (K, ..., S) is spread over slots rather than on one at a time."""
-    return bool(((weights > 0.0) & (weights < 1.0)).any())
-
-
-def attention_timeline(runs: Mapping[str, Arrays], title: str) -> Figure:
-    """What each controller attends to: a slot and reallocations, or weights; over the masses."""
-    from matplotlib.figure import Figure
-
-    with_slots = {name: run for name, run in runs.items() if "attended" in run}
-    figure = Figure(figsize=(10, 1.6 + 1.7 * len(with_slots)), layout="constrained")
-    axes = figure.subplots(len(with_slots) + 1, 1, sharex=True, squeeze=False)[:, 0]
-    for ax, (name, run) in zip(axes, with_slots.items(), strict=False):
-        if is_soft(run["weights"]):
-            _weights(ax, run, name)
-        else:
-            _slots(ax, run, name)
     first = next(iter(runs.values()))
-    for joint, colour in enumerate(COLOURS[:2]):
-        axes[-1].step(first["t"], first["masses"][:, joint], where="post", color=colour)
-    beside(axes[-1], ["$m_1$", "$m_2$"], fontsize="small")
-    axes[-1].set_ylabel("mass [kg]")
+    channels = [("input", i, *row) for i, row in enumerate(first["inputs"].tolist())]
+    channels += [("disturbance", i, *row) for i, row in enumerate(first["disturbances"].tolist())]
+    figure = Figure(figsize=(11, 0.9 + 2.3 * len(channels)), layout="constrained")
+    axes = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
+    for ax, (kind, place, name, unit) in zip(axes, channels, strict=True):
+        curves = []
+        for colour, (label, run) in zip(COLOURS, runs.items(), strict=False):
+            given = run[kind][:, place]
+            ax.plot(run["t"], given, color=colour, lw=0.8, label=label)
+            curves.append((run["t"], given))
+            applied = run.get("applied", run["input"])[:, place] if kind == "input" else given
+            if not np.array_equal(given, applied, equal_nan=True):
+                ax.plot(run["t"], applied, "k--", lw=0.8, label=f"{label}: applied")
+                curves.append((run["t"], applied))
+        ax.set_ylabel(with_unit(symbol(name), unit))
+        mark_jumps(ax, first)
+        _drop_start(ax, curves)
+    axes[-1].set_xlabel("t [s]")
+    told = {label: line for ax in axes for line, label in zip(*_legend(ax), strict=True)}
+    figure.legend(told.values(), told.keys(), loc="outside lower center", ncols=5)
+    figure.suptitle(title)
+    return figure
+
+
+def _legend(ax: Axes) -> tuple[list[Any], list[Any]]:
+    lines, labels = ax.get_legend_handles_labels()
+    return list(lines), list(labels)
+
+
+def hidden_states(run: Arrays) -> list[str]:
+    """Arrays of the plant's state that hold more than its outputs."""
+    shown = [column.tobytes() for column in np.ascontiguousarray(run["output"].T)]
+    return [
+        name
+        for name in run["states"].tolist()
+        if any(column.tobytes() not in shown for column in np.ascontiguousarray(run[name].T))
+    ]
+
+
+def traces(run: Arrays, names: Sequence[str], title: str) -> Figure:
+    """One draw's arrays by name against time: a row a name, a line an entry."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 0.9 + 2.0 * len(names)), layout="constrained")
+    axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    for ax, name in zip(axes, names, strict=True):
+        rows = run[name].reshape(len(run["t"]), -1)
+        for entry, column in enumerate(rows.T):
+            label = str(entry + 1) if rows.shape[1] > 1 and entry < _IN_LEGEND else None
+            ax.plot(run["t"], column, lw=0.8, label=label)
+        if rows.shape[1] > 1:
+            beside(ax, fontsize="small", title=None if rows.shape[1] <= _IN_LEGEND else "first")
+        ax.set_ylabel(symbol(name))
+        mark_jumps(ax, run)
     axes[-1].set_xlabel("t [s]")
     figure.suptitle(title)
     return figure
 
 
-def _slots(ax: Axes, run: Arrays, name: str) -> None:
-    n_slots = run["weights"].shape[-1]
-    ax.plot(run["t"], run["attended"] + 1, ".", ms=1.5, color="tab:blue")
-    resets = run["t"][1:][np.diff(run["reallocations"]) > 0]
-    ax.vlines(resets, 0.5, n_slots + 0.5, color="tab:red", lw=0.6, alpha=0.7)
-    total = int(run["reallocations"][-1])
-    ax.set_title(f"{name}: attended slot, {total} reallocations (red)", fontsize="medium")
-    ax.set_yticks(range(1, n_slots + 1))
-    ax.set_ylim(0.5, n_slots + 0.5)
-    ax.set_ylabel("slot")
-
-
-def _weights(ax: Axes, run: Arrays, name: str) -> None:
-    shares = run["weights"].T
-    labels = [f"slot {slot + 1}" for slot in range(len(shares))]
-    ax.stackplot(run["t"], shares, labels=labels, colors=COLOURS, edgecolor="w", lw=0.3)
-    ax.set_title(f"{name}: attention weights, one on the other", fontsize="medium")
-    ax.set_ylabel("$w_r$")
-    ax.set_ylim(0.0, 1.0)
-    beside(ax, fontsize="small")
-
-
-def against_paper(rows: Sequence[tuple[str, float, float, float]], title: str) -> Figure:
-    """Every published figure beside ours: rows of (label, paper, mean, half-width)."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8, 0.24 * len(rows) + 1.2), layout="constrained")
-    ax = figure.subplots()
-    y = np.arange(len(rows))[::-1]
-    paper = np.array([row[1] for row in rows])
-    ours = np.array([row[2] for row in rows])
-    spread = np.array([row[3] for row in rows])
-    ax.axvspan(-10, 10, color="0.93")
-    ax.axvspan(-5, 5, color="0.86")
-    ax.errorbar(100 * (ours / paper - 1), y, xerr=100 * spread / paper, fmt="o", ms=4)
-    ax.axvline(0, color="k", lw=0.8)
-    ax.set_ylim(-1, len(rows))
-    ax.set_yticks(y, [row[0] for row in rows], fontsize="x-small")
-    ax.set_xlabel("ours / paper - 1 [%], bars: standard deviation over draws")
-    ax.set_title(title)
-    return figure
+def mark_jumps(ax: Axes, run: Arrays) -> None:
+    """Grey lines where a parameter of the plant changed."""
+    jumped = np.zeros(len(run["t"]) - 1, bool)
+    for name in run["parameters"][:, 0].tolist():
+        jumped |= np.any(np.diff(run[name], axis=0) != 0, axis=-1)
+    for time in run["t"][1:][jumped]:
+        ax.axvline(time, color="0.8", lw=0.6, zorder=0)
 
 
 def _fit_after_start(ax: Axes, curves: Sequence[tuple[np.ndarray, np.ndarray]]) -> None:
     """Scale the axis by what comes after the first peak, which is far larger and says little."""
     late = [np.abs(y[t > 5.0]).max() for t, y in curves if t[-1] > 5.0]
-    if late:
+    if late and max(late) > 0:
         ax.set_ylim(-1.2 * max(late), 1.2 * max(late))
         ax.set_title("scaled to t > 5 s", fontsize="small", loc="right")
 
@@ -193,9 +190,3 @@ def _drop_start(ax: Axes, curves: Sequence[tuple[np.ndarray, np.ndarray]]) -> No
     if np.ptp(every) > 2.0 * width:
         ax.set_ylim(low - 0.3 * width, high + 0.3 * width)
         ax.set_title("scaled to t > 5 s", fontsize="small", loc="right")
-
-
-def _mark_jumps(ax: Axes, run: Arrays) -> None:
-    changes = np.any(np.diff(run["masses"], axis=0) != 0, axis=-1)
-    for time in run["t"][1:][changes]:
-        ax.axvline(time, color="0.8", lw=0.6, zorder=0)

@@ -36,6 +36,7 @@ def _ensembles(runs: Sequence[Run]) -> dict[str, Told]:
 def _told(runs: Sequence[Run]) -> Told:
     folders = [run.folder for run in runs if run.folder is not None]
     record = json.loads((folders[0] / MARK).read_text())
-    rollouts = joined([read_rollouts(folder) for folder in folders])
+    outputs = [(each["name"], each["unit"]) for each in record["outputs"]]
+    rollouts = joined([read_rollouts(folder, outputs) for folder in folders])
     draw = int(runs[0].settings["initial.draw"])
     return Told(rollouts, record["title"], record["alone"], draw)

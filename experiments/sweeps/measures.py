@@ -48,8 +48,8 @@ def _one(value: Any) -> Interval:
 def _simulate(record: Mapping[str, Any]) -> Measured:
     found = {}
     for name in ("srmse", "srmse_after_10s"):
-        for joint, values in enumerate(zip(*record[name], strict=True), start=1):
-            found[f"{name}_{joint}"] = _over_draws(values)
+        for output, values in zip(record["outputs"], zip(*record[name], strict=True), strict=True):
+            found[f"{name}_{output['name']}"] = _over_draws(values)
     for name in ("reallocations", "switches"):
         found[name] = _over_draws(record[name])
     return found
@@ -59,7 +59,8 @@ def _ensemble(record: Mapping[str, Any]) -> Measured:
     """Means over rollouts, and what a hundredth of them exceeds."""
     of = record["measures"]
     found = {name: Interval(_one(m["mean"]).mean, _one(m["half"]).mean) for name, m in of.items()}
-    return found | {f"{name}_q99": _one(of[name]["q99"]) for name in ("srmse_1", "srmse_2")}
+    leading = [f"srmse_{output['name']}" for output in record["outputs"]]
+    return found | {f"{name}_q99": _one(of[name]["q99"]) for name in leading}
 
 
 def _gradient_report(record: Mapping[str, Any]) -> Measured:

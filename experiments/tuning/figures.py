@@ -48,9 +48,9 @@ def progress_curves(
 def pareto(
     scores: Mapping[str, Score], candidates: Sequence[Candidate], chosen: Sequence[str], title: str
 ) -> Figure:
-    """SRMSE against torque rate, relative to the start, a panel a scenario.
+    """SRMSE against input rate, relative to the start, a panel a scenario.
 
-    Grid points are grey, hollow where their peak torque is over the limit; a line joins those that
+    Grid points are grey, hollow where their peak input is over the limit; a line joins those that
     no other grid point within the limit beats.
     """
     from matplotlib.figure import Figure
@@ -87,7 +87,7 @@ def pareto(
         ax.set_xlim(0, min(3.0, 1.1 * np.nanmax(rate)))
         ax.set_ylim(0, min(2.5, 1.1 * np.nanmax(srmse)))
         ax.set_title(f"scenario {scenario}")
-        ax.set_xlabel("RMS torque rate / start")
+        ax.set_xlabel("RMS input rate / start")
         ax.set_ylabel("SRMSE / start")
         beside(ax, fontsize="x-small")
     for ax in axes[len(scores) :]:

@@ -49,7 +49,7 @@ class Verdict:
 
     @property
     def within_limits(self) -> bool:
-        """No more torque rate, at most a tenth more peak torque."""
+        """No more input rate, at most a tenth more peak input."""
         return self.rate.mean <= 100 * (RATE_LIMIT - 1) and self.peak.mean <= 100 * (PEAK_LIMIT - 1)
 
 
@@ -151,7 +151,7 @@ def _change(new: np.ndarray, old: np.ndarray) -> Interval:
 def markdown(found: Sequence[Verdict]) -> str:
     """A table: paired change from the start, mean and 95 % interval over draws."""
     lines = [
-        "| scenario | constants | SRMSE | RMS torque rate | peak torque | within limits |",
+        "| scenario | constants | SRMSE | RMS input rate | peak input | within limits |",
         "|---|---|---|---|---|---|",
     ]
     for v in found:

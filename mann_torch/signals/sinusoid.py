@@ -15,9 +15,9 @@ def swing(amplitude: Tensor, frequency: Tensor, phase: Tensor) -> tuple[Tensor, 
     """amplitude sin(phase) and its first four derivatives, where d phase/dt is `frequency`."""
     value = amplitude * torch.sin(phase)
     rate = amplitude * frequency * torch.cos(phase)
-    acceleration = -frequency * frequency * value
-    jerk = -frequency * frequency * rate
-    return value, rate, acceleration, jerk, -frequency * frequency * acceleration
+    bend = -frequency * frequency
+    acceleration = bend * value
+    return value, rate, acceleration, bend * rate, bend * acceleration
 
 
 class Sinusoid(Reference):

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,12 +23,14 @@ from experiments.building.ensembles import composed
 from experiments.building.random_masses import random_masses, with_masses
 from experiments.ensembles.histogram import histogram
 from experiments.ensembles.rollouts import Rollouts, joined, read_rollouts, text_of
-from experiments.ensembles.summary import ranges, statistics, worst
+from experiments.ensembles.summary import ranges, statistics, table, worst
 from experiments.runs import workers
 from experiments.sweeps import jobs
+from mann_torch.errors import ConfigError
 from tests.experiments.command import exit_code
 
 ROOT = Path(__file__).parents[2]
+ARM = [("q_1", "rad"), ("q_2", "rad")]
 QUIET = ["output.figures=false", "output.tensorboard=false"]
 SHORT = ["horizon=6", "rollouts=8", "chunk=3", "workers=1"]
 
@@ -54,7 +57,7 @@ def srmse_alone(monkeypatch: pytest.MonkeyPatch, folder: Path, place: Path) -> l
     rows = list(csv.DictReader((folder / "rollouts.csv").read_text().splitlines()))
     row = next(row for row in rows if row["rollout"] == line[1].strip())
     (srmse,) = json.loads((place / "metrics.json").read_text())["srmse"]
-    return [srmse, [float(row["srmse_1"]), float(row["srmse_2"])]]
+    return [srmse, [float(row["srmse_q_1"]), float(row["srmse_q_2"])]]
 
 
 def test_masses_depend_on_seed_and_number_alone() -> None:
@@ -85,11 +88,11 @@ def test_a_run_leaves_rollouts_a_page_a_picture_and_curves(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(monkeypatch, *SHORT, "controller=hard", f"run_dir={folder}") == 0
-    found = read_rollouts(folder)
+    found = read_rollouts(folder, ARM)
     assert found.number.tolist() == list(range(8)) and found.ok.all()
-    assert len({tuple(m) for m in found.masses.tolist()}) == 8
+    assert len({tuple(m) for m in found.drawn.tolist()}) == 8
     record = json.loads((folder / "metrics.json").read_text())
-    assert record["measures"]["srmse_1"]["mean"] == pytest.approx(found.srmse[:, 0].mean())
+    assert record["measures"]["srmse_q_1"]["mean"] == pytest.approx(found.srmse[:, 0].mean())
     assert record["rollouts"] == 8 and record["diverged"] == 0 and record["peak_mb"] < 2000
     page = (folder / "ensemble.md").read_text()
     assert "`python -m experiments.ensemble horizon=6 " in page and "8 rollouts, 0 to 7" in page
@@ -97,7 +100,7 @@ def test_a_run_leaves_rollouts_a_page_a_picture_and_curves(
     assert (folder / "histogram.png").read_bytes().startswith(b"\x89PNG")
     (log,) = {path.parent for path in folder.rglob("events.out*")}
     curves = EventAccumulator(str(log)).Reload().Tags()
-    assert "srmse_1" in curves["histograms"] and "metrics/srmse_1" in curves["scalars"]
+    assert "srmse_q_1" in curves["histograms"] and "metrics/srmse_q_1" in curves["scalars"]
     alone, here = srmse_alone(monkeypatch, folder, folder.parent / "alone")
     assert alone == here
     assert "8 rollouts" in capsys.readouterr().out
@@ -127,7 +130,7 @@ def test_neither_chunks_nor_portions_change_a_rollout(
     assert "10 rollouts, 0 to 9" in page and "initial.draw=2 " not in page.split("`")[3]
     assert (folder / "sum" / "histogram.png").exists()
     table = list(csv.DictReader((folder / "sum" / "sweep.csv").read_text().splitlines()))
-    assert [row["first"] for row in table] == ["0", "5"] and float(table[0]["srmse_1_q99"]) > 0
+    assert [row["first"] for row in table] == ["0", "5"] and float(table[0]["srmse_q_1_q99"]) > 0
     # Portions that overlap count once; other settings are another ensemble.
     folders = [str(folder / name) for name in ("one", "sum")]
     for out, given in (("all", folders), ("again", folders[::-1])):
@@ -180,29 +183,55 @@ def test_killed_half_way_with_more_workers_it_goes_on_to_the_same_rollouts(
     assert files[0] == files[1]
 
 
-def made_up(numbers: list[int], seed: int = 0) -> Rollouts:
+def made_up(
+    numbers: list[int], seed: int = 0, outputs: Sequence[tuple[str, str]] = ARM
+) -> Rollouts:
     draw, n = np.random.default_rng(seed), len(numbers)
-    errors = draw.uniform(1e-3, 9e-3, (2, n, 2))
+    errors = draw.uniform(1e-3, 9e-3, (2, n, len(outputs)))
     status = np.array(["ok"] * n, dtype=object)
     status[1] = "diverged at t = 3 s: W too large"
     errors[:, 1] = np.nan
     counts = draw.integers(0, 9, (2, n))
-    return Rollouts(np.array(numbers), draw.uniform(1, 2, (n, 2)), *errors, *counts, status)
+    entries, drawn = np.array(["masses_1", "masses_2"]), draw.uniform(1, 2, (n, 2))
+    first = np.array(outputs), entries, np.array(numbers), drawn
+    return Rollouts(*first, *errors, *counts, status)
 
 
 def test_what_diverged_is_told_and_counts_in_no_mean(tmp_path: Path) -> None:
     found = made_up([3, 4, 5, 7, 8])
-    (tmp_path / "rollouts.csv").write_text(text_of(found))
-    again = read_rollouts(tmp_path)
+    (tmp_path / "rollouts.csv").write_text(text_of({"": found}))
+    again = read_rollouts(tmp_path, ARM)
     for field in dataclasses.fields(Rollouts):
         np.testing.assert_array_equal(getattr(again, field.name), getattr(found, field.name))
     assert ranges(found.number) == "3 to 5, 7 to 8"
-    assert statistics(found)["srmse_1"]["mean"] == pytest.approx(np.nanmean(found.srmse[:, 0]))
+    assert statistics(found)["srmse_q_1"]["mean"] == pytest.approx(np.nanmean(found.srmse[:, 0]))
     assert worst(found)[0] == 1 and len(worst(found)) == 5
     both = joined([made_up([8, 9], 1), found])
     assert both.number.tolist() == [3, 4, 5, 7, 8, 9]
     figure = histogram({"a": found, "b": both}, "title")
     assert len(figure.axes) == 4 and all(ax.get_legend() for ax in figure.axes)
+
+
+def test_any_number_of_outputs_goes_by_name_in_columns_tables_and_pictures(tmp_path: Path) -> None:
+    flight = [("x", "m"), ("y", "m"), ("pitch", "rad")]
+    found, lone = made_up([0, 1, 2], outputs=flight), made_up([0, 1], outputs=[("y", "m")])
+    header, *rows = csv.reader(text_of({"": found}).splitlines())
+    assert header[3:9] == [
+        *(f"{key}_{name}" for key in ("srmse", "srmse_after_10s") for name, _ in flight)
+    ]
+    assert float(rows[2][header.index("srmse_pitch")]) == found.srmse[2, 2]
+    assert "| srmse_pitch x 10^3 [rad] " in table(found) and "| srmse_y x 10^3 [m] " in table(lone)
+    for rollouts, outputs in ((found, flight), (lone, [("y", "m")])):
+        (tmp_path / "rollouts.csv").write_text(text_of({"": rollouts}))
+        np.testing.assert_array_equal(read_rollouts(tmp_path, outputs).srmse, rollouts.srmse)
+    with pytest.raises(ConfigError, match="no rollouts can be read"):
+        read_rollouts(tmp_path, flight)
+    # Two plants in one table: what one has no number of is empty.
+    both = list(csv.DictReader(text_of({"a": found, "b": lone}).splitlines()))
+    assert [row["ensemble"] for row in both] == ["a"] * 3 + ["b"] * 2
+    assert both[3]["srmse_x"] == "" and float(both[3]["srmse_y"]) == lone.srmse[0, 0]
+    labels = [ax.get_xlabel() for ax in histogram({"a": found, "b": lone}, "").axes[3:]]
+    assert [label[-3:] for label in labels] == ["[m]", "[m]", "ad]"] and "pitch" in labels[2]
 
 
 def test_workers_are_as_many_as_a_launcher_leaves_cores(

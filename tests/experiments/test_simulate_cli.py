@@ -20,12 +20,12 @@ from experiments.command import cli
 from experiments.command.conf_files import CONF, group_names
 from experiments.command.help_texts import HELP
 from experiments.command.overrides import jobs_of, quote_numeric_names
-from experiments.runs.figures import attention_timeline
+from experiments.runs.memory_figures import attention_timeline
 from tests.conftest import GOLDEN
 from tests.experiments.command import exit_code
 
 ROOT = Path(__file__).parents[2]
-PICTURES = {"joint_angles", "torques", "features_and_read", "attention", "memory"}
+PICTURES = {"outputs", "inputs", "states", "features_and_read", "attention", "memory"}
 WEIGHTS = f"initial.weights_file={GOLDEN / 'initial_weights.npz'}"
 
 
@@ -69,12 +69,12 @@ def test_tensorboard_holds_curves_figures_and_settings_in_one_run(
     assert [path.parent for path in events] == [named]
     accumulator = EventAccumulator(str(named), size_guidance={"scalars": 0}).Reload()
     tags = accumulator.Tags()
-    assert {"draw0/error_1", "draw0/torque_2", "draw0/attended"} <= set(tags["scalars"])
-    assert len(accumulator.Scalars("draw0/error_1")) == 11
+    assert {"draw0/error_q_1", "draw0/torque_2", "draw0/attended"} <= set(tags["scalars"])
+    assert len(accumulator.Scalars("draw0/error_q_1")) == 11
     assert set(tags["images"]) == PICTURES
     assert "_hparams_/session_start_info" in accumulator.summary_metadata
     results = json.loads((folder / "metrics.json").read_text())["srmse"][0]
-    assert accumulator.Scalars("metrics/srmse_1")[0].value == pytest.approx(results[0], rel=1e-6)
+    assert accumulator.Scalars("metrics/srmse_q_1")[0].value == pytest.approx(results[0], rel=1e-6)
 
 
 def hparams_of(folder: Path) -> set[str]:
@@ -109,7 +109,7 @@ def test_soft_attention_is_drawn_as_weights() -> None:
     t = np.arange(3.0)
     soft = np.tile([0.5, 0.3, 0.2], (3, 1))
     run = {"t": t, "weights": soft, "attended": np.zeros(3), "masses": np.ones((3, 2))}
-    run |= {"reallocations": np.zeros(3)}
+    run |= {"reallocations": np.zeros(3), "parameters": np.array([["masses", "kg"]])}
     hard = {**run, "weights": np.tile([1.0, 0.0, 0.0], (3, 1))}
     top, middle, _ = attention_timeline({"soft": run, "hard": hard}, "").axes
     assert "weights" in top.get_title() and top.get_ylim() == (0.0, 1.0)

@@ -51,14 +51,14 @@ def test_a_sweep_ends_with_one_table_and_one_picture(
         ("4", "soft"),
     ]
     # What follows from a scenario or a controller is no column of its own.
-    assert list(rows[0])[:4] == ["run", "scenario", "controller", "srmse_1"]
+    assert list(rows[0])[:4] == ["run", "scenario", "controller", "srmse_q_1"]
     for number, row in enumerate(rows):
         srmse = json.loads((folder / str(number) / "metrics.json").read_text())["srmse"]
         mean = (srmse[0][0] + srmse[1][0]) / 2
-        assert float(row["srmse_1"]) == pytest.approx(mean, rel=1e-14)
+        assert float(row["srmse_q_1"]) == pytest.approx(mean, rel=1e-14)
         # Two draws: Student's t with one degree of freedom.
         half = 12.706204736 * abs(srmse[0][0] - srmse[1][0]) / 2
-        assert float(row["srmse_1_half"]) == pytest.approx(half, rel=1e-8)
+        assert float(row["srmse_q_1_half"]) == pytest.approx(half, rel=1e-8)
         assert row["status"] == "ok"
     page = (folder / "sweep.md").read_text()
     assert page.startswith("`python -m experiments.simulate -m scenario=1,4 controller=nn,soft")
@@ -86,7 +86,7 @@ def test_a_job_that_fails_is_told_and_the_others_go_on(
     status = ["failed: it broke", "ok", "failed: it broke", "ok"]
     assert [row["status"] for row in table(folder)] == status
     assert [row["controller"] for row in table(folder)] == ["nn", "soft"] * 2
-    assert table(folder)[0]["srmse_1"] == "" and "engine" not in table(folder)[0]
+    assert table(folder)[0]["srmse_q_1"] == "" and "engine" not in table(folder)[0]
     said = capsys.readouterr().err.splitlines()
     lines = [line for line in said if line.startswith("error:")]
     assert "(scenario=1 controller=nn " in lines[0]
@@ -133,6 +133,7 @@ def test_what_cannot_be_collected_is_refused_in_one_line(
         record = {"command": f"python -m experiments.{command}", "srmse_after_10s": [[1.0, 1.0]]}
         record |= {"srmse": [[1.0, 1.0]] if name == "a" else [1.0], "norms": {}}
         record |= {"switches": [0], "reallocations": [0]}
+        record |= {"outputs": [{"name": "q_1", "unit": "rad"}, {"name": "q_2", "unit": "rad"}]}
         (folder / name).mkdir(parents=True)
         (folder / name / "metrics.json").write_text(json.dumps(record))
     (folder / "broken").mkdir()
@@ -236,7 +237,7 @@ def test_jobs_side_by_side_share_the_cores(monkeypatch: pytest.MonkeyPatch) -> N
 
 def some_run(value: float, named: tuple[str, ...] = (), **settings: Any) -> Run:
     plain = {key.replace("__", "."): each for key, each in settings.items()}
-    return Run("0", plain, named, "ok", "simulate", {"srmse_1": Interval(value, 0.1)})
+    return Run("0", plain, named, "ok", "simulate", {"srmse_q_1": Interval(value, 0.1)})
 
 
 def test_what_follows_from_a_groups_name_is_a_column_only_if_it_was_asked_for() -> None:
