@@ -90,7 +90,8 @@ def _moves(controller: Any, asked: Asked) -> Any:
 def _names(asked: Asked) -> list[str]:
     """What gradients are asked by: all that is no mode."""
     seen = [f"{name} of the measurement" for name in leaf_names(asked.measurement)]
-    state = [f"{name} of the state" for name in leaf_names(asked.state)] if asked.state else []
+    names = () if asked.state is None else leaf_names(asked.state)
+    state = [f"{name} of the state" for name in names]
     followed = [f"{name} of the reference" for name in leaf_names(asked.reference)]
     return [*followed, *seen, *state]
 

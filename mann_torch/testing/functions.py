@@ -48,7 +48,7 @@ def apart(one: Sequence[Tensor], other: Sequence[Tensor]) -> float:
     for a, b in zip(one, other, strict=True):
         if not a.numel():
             continue
-        a, b = a.to(torch.float64), b.to(torch.float64)
+        a, b = a.detach().to(torch.float64), b.detach().to(torch.float64)
         scale = max(1.0, float(a.abs().max()), float(b.abs().max()))
         gap = float((a - b).abs().max())
         worst = max(worst, gap / scale if gap == gap else float("inf"))

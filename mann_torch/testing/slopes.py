@@ -107,7 +107,7 @@ def constants_of(part: nn.Module) -> Iterator[tuple[str, DesignModule, str]]:
 
 def check_constants(tried: Tried, line: int | str) -> None:
     """Gradients reach every constant, and one with a batch shape gives each sample its own."""
-    twin = copy.deepcopy(tried.part)
+    twin = called(tried.part, line, "a copy of it", lambda: copy.deepcopy(tried.part))
     for path, owner, name in list(constants_of(twin)):
         value = getattr(owner, name).detach()
         if value.dim() > owner.domains()[name].event_dims:

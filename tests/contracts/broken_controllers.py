@@ -106,6 +106,11 @@ def picky(self: Any, e: Tensor, de: Tensor, integral: Tensor) -> Tensor:
     return e
 
 
+def of_two(self: Any, e: Tensor, de: Tensor, integral: Tensor) -> Tensor:
+    """What the compiled engine, which traces one sample, sees otherwise."""
+    return 2.0 * e if e.shape == (2, 1) else e
+
+
 def undeclared() -> control.Controller:
     broken = Good()
     broken.ratio = torch.ones((), dtype=torch.float64)
@@ -273,6 +278,10 @@ BROKEN: dict[str, tuple[Callable[[], control.Controller], str]] = {
     "gains of other sizes": (
         lambda: changed(input_gains=gains),
         r"line 7: measurement of input_gains has shape \(8, 1, 1\), not \(8, 1, 2\)",
+    ),
+    "a loop that runs away": (
+        lambda: other_input(lambda self, e, de, i: -1e13 * (e + i)),
+        "line 3: a rollout of 5 steps diverges",
     ),
     "a loop that fails": (
         lambda: other_input(picky),

@@ -16,7 +16,7 @@ from mann_torch.errors import ConfigError, InterfaceError, KindError, ShapeError
 from mann_torch.testing import check_controller
 from mann_torch.types import ControlOutput
 from tests.conftest import CONTROLLERS, make_controller
-from tests.contracts.broken_controllers import BROKEN, Good
+from tests.contracts.broken_controllers import BROKEN, Good, of_two, other_input
 
 
 def of_paper(name: str) -> Callable[[], control.Controller]:
@@ -111,6 +111,12 @@ def test_what_does_not_fit_is_named() -> None:
 
 def test_the_good_one_passes() -> None:
     check_controller(Good())
+
+
+def test_engines_that_disagree_are_told_of() -> None:
+    check_controller(other_input(of_two), engine="torch")
+    with pytest.raises(InterfaceError, match="compiled, it gives other numbers than in torch"):
+        check_controller(other_input(of_two), engine="compiled")
 
 
 @pytest.mark.parametrize("name", BROKEN)
