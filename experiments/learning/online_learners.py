@@ -95,7 +95,7 @@ class OnlineLearner(nn.Module):
             initial_std=cfg.initial_std,
         )
         self.cell: mt.MemoryCell | None = None
-        attentions = {
+        attentions: dict[str, Callable[[], mt.Attention]] = {
             "soft": mt.SoftAttention,
             "hard": mt.HardAttention,
             "readouts": mt.HardAttention,
