@@ -43,7 +43,7 @@ CALLS: dict[str, Call] = {
     "Scenario.stack": (mt.Scenario.stack, {"scenarios": [SCENARIO], "name": "mine"}),
     "Scenario.select": (BATCH.select, {"members": [0]}),
     "Implicit": (mt.Implicit, {"dt": 4e-3, "compile": False, "follow_reference": True}),
-    "RungeKutta": (mt.RungeKutta, {"dt": 1e-3, "compile": False, "substeps": 2}),
+    "RungeKutta": (mt.RungeKutta, {"dt": 1e-3, "compile": False}),
     "Odeint": (
         mt.Odeint,
         {
