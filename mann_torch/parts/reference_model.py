@@ -7,7 +7,7 @@ from abc import abstractmethod
 import torch
 from torch import Tensor
 
-from ..checks import whole
+from ..checks import number, whole
 from ..constraints import DesignModule, FiniteRow, PositiveRow
 from ..errors import ShapeError
 from ..functional import Numbers, as_float64, times_column
@@ -76,15 +76,19 @@ class LinearModel(ReferenceModel):
         if observer_gain is not None:
             gain = as_float64(observer_gain, "observer_gain")
             self._declare("observer_gain", gain, (self.size, self.width))
-        rows = torch.zeros(self.size) if start is None else as_float64(start, "start")
+        rows = FiniteRow().check("start", as_float64([0.0] * self.size if start is None else start))
         if rows.shape != (self.size,):
             raise ShapeError(f"start of shape {tuple(rows.shape)}: give {self.size} numbers")
         self.start: Tensor
-        self.register_buffer("start", rows.to(torch.float64))
+        self.register_buffer("start", rows.detach())
 
     @classmethod
     def first_order(cls, rate: float, gain: float = 1.0, start: float = 0.0) -> LinearModel:
-        """x_m' = -rate x_m + rate gain r, of one output: gain rate/(s + rate)."""
+        """x_m' = -rate x_m + rate gain r, of one output: gain rate/(s + rate).
+
+        Raises `ConfigError` or `KindError`.
+        """
+        rate, gain = number("rate", rate), number("gain", gain)
         return cls([[-rate]], [[rate * gain]], start=[start])
 
     def _declare(self, name: str, value: Tensor, shape: tuple[int, int]) -> None:
