@@ -73,7 +73,9 @@ def _mixed(
         matrix + (wide * (single - matrix.unsqueeze(-3))).sum(dim=-3)
         for matrix, single in zip(alone[:-1], each[:-1], strict=True)
     ]
-    return type(alone)(*parts, push)
+    kind: Any = type(alone)
+    mixed: StiffBlock = kind(*parts, push)
+    return mixed
 
 
 AnyBlock = StiffBlock | LaggedBlock
@@ -100,5 +102,6 @@ def lagged(
         # Rows of `drift` are one number less deep than matrices.
         *matrices, drifts = zip(*(block for _, block in singles if block), strict=True)
         stacks = [torch.stack(matrix, dim=-3) for matrix in matrices]
-        each = type(alone)(*stacks, torch.stack(drifts, dim=-2))
+        kind: Any = type(alone)
+        each = kind(*stacks, torch.stack(drifts, dim=-2))
     return rate, LaggedBlock(alone, each, lag.pull, gains.drift, behind)
