@@ -14,7 +14,7 @@ from mann_torch.constraints import NonNegative
 from mann_torch.functional import outer, times_column
 from mann_torch.plants import LinearPlant, PlanarQuadrotor
 from mann_torch.plants.rohrs import RohrsPlant
-from mann_torch.signals import Disturbance, Polynomial, Sinusoid, SquareWave, Sum
+from mann_torch.signals import Disturbance, Polynomial, Sinusoid, Sinusoids, SquareWave, Sum
 
 
 class Gains(NamedTuple):
@@ -114,7 +114,9 @@ def test_rohrs_counterexample_stays_bounded_below_it() -> None:
     k_y = run.states.controller.state[[1, 2, 8], 0]
     known = torch.tensor([-8.4445, -8.0922, -5.4877], dtype=torch.float64)
     torch.testing.assert_close(k_y, known, rtol=0, atol=6e-5)
-    assert abs(float(run.output.abs().max()) - 3.0240) <= 6e-5
+    # benchmarks.md has 3.0240, of a grid that misses the peak: SciPy's dense output, at rtol 1e-10
+    # and 1e-4 s, has 3.024295.
+    assert abs(float(run.output.abs().max()) - 3.024295) <= 1e-5
 
 
 class Adapted(NamedTuple):
@@ -151,7 +153,7 @@ class WindController(mt.Controller):
 def test_quadrotor_in_wind_has_the_published_figures() -> None:
     """Problem 1 (published float32: 4 digits), held for 0.01 s and adapted by the trapezoid."""
     w = 2 * math.pi / 10.0
-    swing = Sinusoid([2.0, 3.0, 0.0], w, [0.0, -math.pi / 2, 0.0], offset=[0.0, 3.0, 0.0])
+    swing = Sinusoids([[2.0, 3.0, 0.0]], w, [[0.0, -math.pi / 2, 0.0]], offset=[0.0, 3.0, 0.0])
     rise = 4 * math.pi / 3 / 10.0
     line = Polynomial([[0.0, 0.0, 0.0], [0.4, 0.0, rise], [0.0, 0.0, -rise / 10.0]])
     signal = Sum([swing, line])
