@@ -45,7 +45,7 @@ def test_a_gain_of_0_opens_the_model() -> None:
 
 
 def test_a_second_order_model_lets_a_controller_follow_steps() -> None:
-    """Critically damped: 1 - (1 + w t) exp(-w t) from the step on, and the arm is there within a tenth."""
+    """Critically damped: 1 - (1 + w t) exp(-w t) from the step on; the arm follows."""
     model = mt.SecondOrderModel(2, 8.0)
     steps = Steps([0.25], [[0.0, 0.0], [0.5, -0.3]])
     made = mt.ClosedLoop(mt.TwoLinkArm(), make_controller("nn"), model=model)
