@@ -25,6 +25,8 @@ class Actuator(DesignModule):
     for constants out of range or lower > upper, `ShapeError`, `KindError`, `DtypeError`.
     """
 
+    lag: Tensor
+
     def __init__(
         self,
         n_inputs: int,
@@ -56,11 +58,13 @@ class Actuator(DesignModule):
                 self.declare(name, value, domain, (m,))
         self.check()
 
-    def check(self) -> None:
-        """Raise `DomainError` if a constant has left its domain, or lower is above upper."""
-        super().check()
+    def check_together(self) -> None:
+        """Raise `DomainError` if lower is above upper."""
         lower, upper = self._get("lower"), self._get("upper")
-        if lower is not None and upper is not None and bool((lower > upper).any()):
+        if lower is None or upper is None:
+            return
+        self.batch_shape()  # raises where they do not broadcast
+        if bool((lower > upper).any()):
             raise DomainError(f"actuator: lower {lower.tolist()} is above upper {upper.tolist()}")
 
     def _get(self, name: str) -> Tensor | None:
@@ -89,9 +93,18 @@ class Actuator(DesignModule):
             rate = torch.minimum(torch.maximum(rate, -bound), bound)
         return state, rate
 
+    def pull(self, u: Tensor, state: Tensor) -> Tensor:
+        """1/lag (..., m) [1/s], where the rate answers to u (..., m) at all: 0 at its limit."""
+        lag, bound = self.lag, self._get("rate_limit")
+        pull = (1.0 / lag).expand(u.shape)
+        if bound is None:
+            return pull
+        free = ((self.saturated(u) - state) / lag).abs() < bound
+        return torch.where(free, pull, 0.0)
+
     def passed(self, u: Tensor, gains: InputGains | None) -> InputGains | None:
-        """How what is applied answers, where u does by `gains`: nowhere beyond a limit."""
-        if gains is None or self._get("lag") is not None:
+        """How u within the limits answers, where u does by `gains`: nowhere beyond them."""
+        if gains is None:
             return None
         free = (self.saturated(u) == u).to(u.dtype)
         return InputGains(gains.measurement * free.unsqueeze(-1), gains.drift * free)

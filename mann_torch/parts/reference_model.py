@@ -79,15 +79,18 @@ class LinearModel(ReferenceModel):
         if observer_gain is not None:
             gain = as_float64(observer_gain, "observer_gain")
             self._declare("observer_gain", gain, (self.size, self.width))
-        rows = torch.zeros(self.size) if start is None else as_float64(start, "start")
+        rows = FiniteRow().check("start", as_float64([0.0] * self.size if start is None else start))
         if rows.shape != (self.size,):
             raise ShapeError(f"start of shape {tuple(rows.shape)}: give {self.size} numbers")
         self.start: Tensor
-        self.register_buffer("start", rows.to(torch.float64))
+        self.register_buffer("start", rows.detach())
 
     @classmethod
     def first_order(cls, rate: float, gain: float = 1.0, start: float = 0.0) -> LinearModel:
-        """x_m' = -rate x_m + rate gain r, of one output: gain rate/(s + rate)."""
+        """x_m' = -rate x_m + rate gain r, of one output: gain rate/(s + rate).
+
+        Raises `ConfigError` or `KindError`.
+        """
         rate, gain, start = number("rate", rate), number("gain", gain), number("start", start)
         return cls([[-rate]], [[rate * gain]], start=[start])
 

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ...checks import POSITIVE, flag, number
 from ...interface import Interface
-from ...stiff import StiffBlock
+from ..lagged import AnyBlock
 
 
 class Flow(Protocol):
@@ -18,7 +18,7 @@ class Flow(Protocol):
     def __call__(self, t: Tensor, y: Tensor) -> Tensor:
         """dy/dt (..., M)."""
 
-    def linearized(self, t: Tensor, y: Tensor) -> tuple[Tensor, StiffBlock | None]:
+    def linearized(self, t: Tensor, y: Tensor) -> tuple[Tensor, AnyBlock | None]:
         """dy/dt (..., M) and the stiff block of the plant's state, None where nothing is stiff."""
 
 
