@@ -79,7 +79,8 @@ class LinearModel(ReferenceModel):
         if observer_gain is not None:
             gain = as_float64(observer_gain, "observer_gain")
             self._declare("observer_gain", gain, (self.size, self.width))
-        rows = FiniteRow().check("start", as_float64([0.0] * self.size if start is None else start))
+        given = [0.0] * self.size if start is None else start
+        rows = FiniteRow().check("start", as_float64(given, "start"))
         if rows.shape != (self.size,):
             raise ShapeError(f"start of shape {tuple(rows.shape)}: give {self.size} numbers")
         self.start: Tensor
