@@ -11,6 +11,7 @@ import dataclasses
 import shlex
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -18,10 +19,10 @@ import numpy as np
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
 
-from mann_torch.errors import ConfigError
-
 from .building.chunks import experiment_of, run_chunk
+from .building.plants import build_plant
 from .building.sizes import check_rollouts
+from .building.spreads import spreads
 from .building.weights import MOST_DRAWS, check_draws
 from .command.cli import command_line, reject_unknown, run_cli
 from .command.overrides import as_typed
@@ -33,7 +34,7 @@ from .runs.life import finish
 from .runs.parts import all_parts, npz_parts
 from .runs.pictures import check_pictures
 from .settings.checks import check_between, check_horizon
-from .settings.config import LoopConfig
+from .settings.config import ScenarioLoopConfig, title_of
 from .settings.ensemble_config import EnsembleConfig
 from .settings.machine import check_workers
 
@@ -55,11 +56,11 @@ def checked(cfg: Any) -> EnsembleConfig:
     check_pictures(plain.output)
     check_horizon(plain.horizon)
     check_workers(plain.workers)
-    if not 0 <= plain.masses.spread < 1:
-        raise ConfigError(f"masses.spread = {plain.masses.spread}: must be >= 0 and < 1")
+    plant, _ = build_plant(plain.plant)
+    spreads(plain.spread, plant)
     first, last = plain.first, plain.first + plain.rollouts - 1
     check_draws(plain, range(first, last + 1))
-    check_rollouts(f"chunk = {plain.chunk}", plain, plain.chunk * plain.workers)
+    check_rollouts(f"chunk = {plain.chunk}", plain, plant, plain.chunk * plain.workers)
     if plain.initial.weights_file is None:
         experiment_of(plain, last, 1)
     else:  # which may lack any of them
@@ -67,13 +68,14 @@ def checked(cfg: Any) -> EnsembleConfig:
     return plain
 
 
-def run_alone() -> str:
-    """The `simulate` command of one rollout, but for its draw and masses."""
-    shared = {field.name for field in dataclasses.fields(LoopConfig)} - {"run_dir"}
+def run_alone(spread: Iterable[str]) -> str:
+    """The `simulate` command of one rollout, but for its draw and parameters of its own."""
+    own = ("initial.draw", *(f"plant.{name}" for name in spread))
+    shared = {field.name for field in dataclasses.fields(ScenarioLoopConfig)} - {"run_dir"}
     kept = []
     for override in map(as_typed, HydraConfig.get().overrides.task):
         name = override.lstrip("+~").partition("=")[0]
-        if name.partition(".")[0] in shared and name not in ("initial.draw", "plant.masses"):
+        if name.partition(".")[0] in shared and name not in own:
             kept.append(override)
     return shlex.join(["python", "-m", "experiments.simulate", *kept])
 
@@ -92,11 +94,10 @@ def _task(cfg: Any) -> None:
     parts = list(all_parts(run_chunk, chunks, counts, kept, plain.workers, "rollout", 1).values())
     wall_s = time.perf_counter() - start
     rollouts, command = joined(parts), command_line("experiments.ensemble")
-    title = (
-        f"scenario {plain.scenario.name}, {plain.controller.name}, {plain.keys.name} keys, "
-        f"masses ± {100 * plain.masses.spread:g} %"
-    )
-    alone, most = run_alone(), max(part.peak_mb for part in parts)
+    plant, _ = build_plant(plain.plant)
+    spread = spreads(plain.spread, plant)
+    title = ", ".join([title_of(plain), *(f"{n} ± {100 * s:g} %" for n, s in spread.items())])
+    alone, most = run_alone(spread), max(part.peak_mb for part in parts)
     told = Told(rollouts, title, alone, plain.initial.draw)
     note = f"{wall_s:.0f} s; a process took at most {most:.0f} MB."
     figures = write_ensembles(folder, {"": told}, command, note, plain.output)
@@ -108,7 +109,7 @@ def _task(cfg: Any) -> None:
         "alone": alone,
         "title": title,
         "scenario": plain.scenario.name,
-        "controller": plain.controller.name,
+        "controller": plain.controller["name"],
         "keys": plain.keys.name,
         "rollouts": len(rollouts),
         "diverged": lost,

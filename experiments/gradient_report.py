@@ -19,7 +19,9 @@ from omegaconf import OmegaConf
 from mann_torch.errors import ConfigError
 from mann_torch.tuning import Coordinates, Ensemble
 
+from .building.controllers import paper_constants
 from .building.ensembles import ensemble_of
+from .building.plants import build_plant
 from .building.sizes import check_rollouts
 from .command.cli import command_line, reject_unknown, run_cli
 from .gradients.elasticities import Findings, difference_name, estimate_all
@@ -30,7 +32,7 @@ from .runs.life import finish
 from .runs.pictures import check_pictures, linked, save_all
 from .runs.progress import progress_bar
 from .runs.writing import csv_text, write_text
-from .settings.config import ConstantsConfig, SimulateConfig
+from .settings.config import ScenarioLoopConfig, SimulateConfig
 from .settings.study_config import GradientReportConfig
 
 if TYPE_CHECKING:
@@ -49,8 +51,6 @@ def checked(cfg: Any) -> tuple[GradientReportConfig, Ensemble, Coordinates]:
     check_pictures(plain.output)
     if plain.draws < 2:
         raise ConfigError(f"draws = {plain.draws}: at least 2, for an interval")
-    if plain.joint not in (0, 1, 2):
-        raise ConfigError(f"joint = {plain.joint}: 1 or 2, or 0 for both together")
     if plain.pairs < 1:
         raise ConfigError(f"pairs = {plain.pairs}: at least 1")
     if plain.judge not in plain.steps:
@@ -65,17 +65,23 @@ def checked(cfg: Any) -> tuple[GradientReportConfig, Ensemble, Coordinates]:
             raise ConfigError(f"{name} = {numbers}: must be finite and > 0")
     if max(plain.spread, *plain.steps) >= 2:
         raise ConfigError("steps and spread are relative: below 2")
-    simulated = SimulateConfig(
-        plant=plain.plant, constants=plain.constants, scenario=plain.scenario
-    )
+    shared = [field.name for field in dataclasses.fields(ScenarioLoopConfig)]
+    simulated = SimulateConfig(**{name: getattr(plain, name) for name in shared})
+    plant, _ = build_plant(plain.plant)
+    if not 0 <= plain.of_output <= len(plant.outputs):
+        raise ConfigError(
+            f"of_output = {plain.of_output}: 1 to {len(plant.outputs)}, or 0 for all together"
+        )
     copies = 2 * len(plain.names) * max(plain.pairs, 1)
-    check_rollouts(f"draws = {plain.draws}, pairs = {plain.pairs}", plain, copies * plain.draws)
+    check_rollouts(
+        f"draws = {plain.draws}, pairs = {plain.pairs}", plain, plant, copies * plain.draws
+    )
     ensemble = ensemble_of(plain, [simulated], range(plain.draws))
     ensemble = dataclasses.replace(ensemble, effort_after=None)
     controller = ensemble.loop.controller
     names = [name for name in plain.names if name in controller.constants()]
     for name in (*plain.names, *plain.control):
-        if name not in ConstantsConfig.__dataclass_fields__:
+        if name not in paper_constants():
             controller.constant(name)  # says which there are; one that only this lacks is left out
     return plain, ensemble, Coordinates(controller, names, "scalar")
 
@@ -95,7 +101,7 @@ def _task(cfg: Any) -> None:
 
         findings = estimate_all(plain, ensemble, coordinates, progress)
     wall_s = time.perf_counter() - start
-    title = f"scenario {plain.scenario.name}, {plain.controller.name}"
+    title = f"scenario {plain.scenario.name}, {plain.controller['name']}"
     figures: dict[str, Figure] = {}
     if plain.output.figures:
         figures = {"landscape": landscapes(findings, title), "norms": norms(findings, title)}
@@ -118,7 +124,7 @@ def _task(cfg: Any) -> None:
             "command": command,
             "wall_s": wall_s,
             "scenario": plain.scenario.name,
-            "controller": plain.controller.name,
+            "controller": plain.controller["name"],
             "outputs": [channel._asdict() for channel in findings.outputs],
             "srmse": findings.srmse,
             "switches": findings.switches,

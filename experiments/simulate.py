@@ -23,7 +23,7 @@ from mann_torch.simulation import check_engine
 from mann_torch.simulation.step_grid import StepGrid
 
 from .building.build import Experiment, build
-from .building.masses import late_jumps
+from .building.schedules import late_changes
 from .building.sizes import check_samples
 from .building.weights import check_draws
 from .command.cli import command_line, reject_unknown, run_cli
@@ -36,7 +36,7 @@ from .runs.pictures import check_pictures, save_all
 from .runs.progress import progress_bar
 from .runs.writing import write_arrays
 from .settings.checks import check_horizon
-from .settings.config import SimulateConfig
+from .settings.config import SimulateConfig, title_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -124,20 +124,21 @@ def _task(cfg: Any) -> None:
     plain = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
     command = command_line("experiments.simulate")
-    late = late_jumps(plain.scenario, plain.horizon)
+    late = late_changes(plain.scenario, plain.horizon)
     if late is not None:
         print(f"warning: {late}", file=sys.stderr)
     experiment, trajectory, wall_s = simulate(plain)
     with torch.inference_mode():
         metrics = metrics_of(trajectory)
         arrays = signal_arrays(experiment.loop, experiment.scenario, trajectory)
-    title = f"scenario {plain.scenario.name}, {plain.controller.name}, {plain.keys.name} keys"
+    title = title_of(plain)
     channels = channels_of(trajectory)
     record = {
         **metrics,
         "wall_s": wall_s,
         "scenario": plain.scenario.name,
-        "controller": plain.controller.name,
+        "plant": plain.plant["name"],
+        "controller": plain.controller["name"],
         "keys": plain.keys.name,
         "solver": trajectory.solver,
         "engine": trajectory.engine,
@@ -149,7 +150,7 @@ def _task(cfg: Any) -> None:
     write_arrays(folder / "trajectory.npz", arrays)
     figures = {}
     if plain.output.figures:
-        figures = run_figures(title, plain.controller.name, arrays, plain.output.member)
+        figures = run_figures(title, plain.controller["name"], arrays, plain.output.member)
     save_all(folder, figures, plain.output)
     if plain.output.tensorboard:
         log_run(folder, plain, arrays, metrics, figures, command)

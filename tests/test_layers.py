@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 BASE = {
     *("errors", "checks", "types", "functional", "domains", "constraints", "trees"),
-    *("interface", "stiff"),
+    *("interface", "stiff", "registry"),
 }
 ALLOWED = {
     "memory": BASE,

@@ -3,33 +3,30 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import torch
 
-from mann_torch import ClosedLoop, Implicit, MannController, Odeint, Scenario, Sinusoid, Solver
+from mann_torch import ClosedLoop, Scenario, Solver
 from mann_torch.errors import ConfigError
-from mann_torch.memory import (
-    ATTENTIONS,
-    KEY_RULES,
-    Attention,
-    KeyRule,
-    ReallocatingAttention,
-    StateKeys,
-    WorkingMemory,
-)
-from mann_torch.plants import PLANTS, TwoLinkArm, arm_parameters
-from mann_torch.signals import PiecewiseConstant
-from mann_torch.simulation import ADAPTIVE, FIXED, METHODS, check_engine
-from mann_torch.types import PlantState
+from mann_torch.functional import as_float64
+from mann_torch.plants import Plant
+from mann_torch.simulation import check_engine
+from mann_torch.simulation.starting import start_of
+from mann_torch.trees import map_tensors
 
-from ..settings.checks import check_horizon, holds_truth
-from ..settings.config import SimulateConfig, SolverConfig
-from .masses import mass_schedule
-from .sizes import check_rollouts, check_steps, hidden_neurons
+from ..settings.checks import check_horizon
+from ..settings.config import LoopConfig, SimulateConfig
+from .controllers import build_controller, constant, is_mann, mann_settings, paper_constants
+from .made import named, unknown
+from .parts import build_noise, build_parts
+from .plants import build_plant, build_start
+from .schedules import schedules
+from .signals import build_disturbance, build_reference
+from .sizes import check_noise, check_rollouts, check_states, check_steps
+from .solvers import build_solver
 from .weights import check_draws, initial_weights
 
 
@@ -38,9 +35,10 @@ class Experiment:
     """Everything a rollout needs, for a batch of draws."""
 
     loop: ClosedLoop
-    scenario: Scenario
+    scenario: Scenario  # of batch shape (draws,) where draws differ in it or in nothing else
     solver: Solver
-    weights: Any  # initial adaptive weights, (draws, *event)
+    weights: Any  # initial adaptive weights, (draws, *event); None where there are none
+    alone: Scenario | None = None  # unbatched, without noise
 
 
 def build(cfg: SimulateConfig, draws: Sequence[int] | None = None) -> Experiment:
@@ -50,155 +48,127 @@ def build(cfg: SimulateConfig, draws: Sequence[int] | None = None) -> Experiment
     """
     draws = range(cfg.draws) if draws is None else draws
     check_draws(cfg, draws)
-    check_rollouts(f"draws = {len(draws)}", cfg, len(draws))
-    scenario = build_scenario(cfg)
-    controller = build_controller(cfg)
-    _check_unused(cfg)
-    loop = ClosedLoop(TwoLinkArm(cfg.plant.gravity), controller)
+    plant, parameters = build_plant(cfg.plant)
+    check_rollouts(f"draws = {len(draws)}", cfg, plant, len(draws))
+    alone = build_scenario(cfg, plant, parameters)
+    loop = build_loop(cfg, plant)
+    if alone.batch_shape != () or loop.batch_shape() != ():
+        raise ConfigError("rows of rows where one row is asked for: a configuration is one task")
+    if is_mann(cfg):
+        _check_unused(cfg, plant)
     solver = build_solver(cfg.solver)
-    check_steps(scenario.end, solver.dt)
-    check_engine(loop, scenario, solver, cfg.solver.engine, cfg.solver.device)
-    return Experiment(loop, scenario, solver, initial_weights(cfg, controller, draws))
+    check_steps(alone.end, solver.dt)
+    check_engine(loop, alone, solver, cfg.solver.engine, cfg.solver.device)
+    weights = initial_weights(cfg, loop.controller, draws)
+    check_states(f"draws = {len(draws)}", _start(cfg, loop, alone, weights), len(draws))
+    scenario = _of_draws(cfg, loop, alone, draws, weights, solver.dt)
+    return Experiment(loop, scenario, solver, weights, alone)
 
 
-def _check_unused(cfg: SimulateConfig) -> None:
+def build_loop(cfg: LoopConfig, plant: Plant) -> ClosedLoop:
+    """Plant, controller and parts with their constants. Raises `ConfigError`.
+
+    A constant that only another controller of the paper's has is not used.
+    """
+    loop = ClosedLoop(plant, build_controller(cfg, plant), **build_parts(cfg, plant))
+    there, values = loop.constants(), {}
+    for name, given in cfg.constants.items():
+        value = constant(f"constants.{name}", given)
+        if name in there:
+            event = there[name].shape
+            values[name] = loop.domain(name).coerce(value, event)
+            if values[name].shape != event:
+                raise ConfigError(f"constants.{name} = {given}: must be of shape {tuple(event)}")
+        elif name not in paper_constants():
+            raise unknown("constants", name, f"controller '{cfg.controller.get('name')}'", there)
+    named("constants", values, lambda: loop.initialize(**values))
+    return loop
+
+
+def _check_unused(cfg: SimulateConfig, plant: Plant) -> None:
     """Check the settings that the chosen controller and keys do not use, too."""
+    settings = dataclasses.asdict(mann_settings(cfg))
     everything = dataclasses.replace(
         cfg,
-        controller=dataclasses.replace(cfg.controller, attention="reallocating"),
+        controller={**settings, "attention": "reallocating"},
         keys=dataclasses.replace(cfg.keys, name="state"),
+        network=None,
+        law=None,
     )
-    build_controller(everything)
-    _key_rule(cfg)
-    matched = dataclasses.replace(cfg.controller, n_hidden=None)
-    check_rollouts("controller.matched_hidden", dataclasses.replace(cfg, controller=matched), 1)
+    build_loop(everything, plant)
+    build_controller(dataclasses.replace(everything, keys=cfg.keys), plant)
+    matched = dataclasses.replace(cfg, controller={**settings, "n_hidden": None})
+    check_rollouts("controller.matched_hidden", matched, plant, 1)
 
 
-def build_scenario(cfg: SimulateConfig) -> Scenario:
-    """The scenario, unbatched."""
-    if cfg.plant.name not in PLANTS:
-        raise ConfigError(f"unknown plant '{cfg.plant.name}'; choose from {', '.join(PLANTS)}")
-    plant = cfg.plant
-    lists = {
-        "plant.masses": plant.masses,
-        "plant.lengths": plant.lengths,
-        "plant.viscous": plant.viscous,
-        "plant.coulomb": plant.coulomb,
-        "scenario.amplitude": cfg.scenario.amplitude,
-        "scenario.frequency": cfg.scenario.frequency,
-        "scenario.offset": cfg.scenario.offset,
-        "scenario.q": cfg.scenario.q,
-        "scenario.qd": cfg.scenario.qd,
-    }
-    for name, values in lists.items():
-        if len(values) != 2:
-            raise ConfigError(f"{name} = {list(values)}: give one number a joint (2)")
-        if not all(math.isfinite(value) for value in values):
-            raise ConfigError(f"{name} = {list(values)}: must be finite")
-    parameters = arm_parameters(plant.masses, plant.lengths, plant.viscous, plant.coulomb)
+def build_scenario(cfg: SimulateConfig, plant: Plant, parameters: Any) -> Scenario:
+    """The scenario, unbatched and without noise. Raises `ConfigError`, for one of another plant."""
     horizon = cfg.scenario.horizon if cfg.horizon is None else cfg.horizon
     check_horizon(horizon)
-    times, masses = mass_schedule(cfg.scenario, plant.masses, horizon)
+    nodes = {"scenario.reference": cfg.scenario.reference, "reference": cfg.reference}
+    given = {where: node for where, node in nodes.items() if node is not None}
+    if not given:
+        raise ConfigError(f"scenario '{cfg.scenario.name}' has no reference: choose reference=...")
+    width = len(plant.outputs)
+    every = {where: build_reference(where, node, width) for where, node in given.items()}
+    where, reference = list(every.items())[-1]  # what is not used has been checked, too
+    if reference.width != len(plant.outputs):
+        names = ", ".join(channel.name for channel in plant.outputs)
+        raise ConfigError(
+            f"{where} gives {reference.width} numbers, {cfg.plant['name']} has "
+            f"{len(plant.outputs)} outputs ({names}): give one an output, or choose "
+            "scenario=plain or reference=..."
+        )
     return Scenario(
-        reference=Sinusoid(cfg.scenario.amplitude, cfg.scenario.frequency, cfg.scenario.offset),
+        reference=reference,
         parameters=parameters,
         horizon=horizon,
-        schedule={"masses": PiecewiseConstant(times, masses)},
-        start=PlantState(_column(cfg.scenario.q), _column(cfg.scenario.qd)),
+        schedule=schedules(cfg.scenario, plant, parameters, horizon),
+        start=build_start(plant, cfg.scenario.start),
+        disturbance=build_disturbance(cfg.disturbance, plant, parameters),
         name=cfg.scenario.name,
     )
 
 
-def _column(values: list[float]) -> torch.Tensor:
-    return torch.tensor(list(values), dtype=torch.float64)
+def _start(cfg: LoopConfig, loop: ClosedLoop, scenario: Scenario, weights: Any) -> Any:
+    """State and mode that one draw starts from.
 
-
-def build_controller(cfg: SimulateConfig) -> MannController:
-    """The controller of the configuration, with its memory if it has one."""
-    constants = cfg.constants
-    n = TwoLinkArm.n_joints
-    n_hidden = hidden_neurons(cfg)
-    memory = None
-    if cfg.controller.attention is not None:
-        memory = WorkingMemory(
-            cfg.memory.n_slots,
-            n_hidden,
-            _attention(cfg),
-            _key_rule(cfg),
-            context_width=n,
-            write_gain=constants.write_gain,
-            reset=cfg.memory.reset,
-        )
-    return MannController(
-        n,
-        n_hidden,
-        memory,
-        error_gain=_matrix(constants.error_gain),
-        base_gain=constants.base_gain,
-        robust_gain=constants.robust_gain,
-        weight_bound=constants.weight_bound,
-        rate_W=constants.rate_W,
-        rate_V=constants.rate_V,
-        e_modification=constants.e_modification,
-        initial_std=cfg.initial.std,
-    )
-
-
-def _matrix(value: Any) -> torch.Tensor:
-    wrong = ConfigError(
-        f"constants.error_gain = {value}: a number, 2 diagonal entries or 2 rows of 2"
-    )
-    if holds_truth(value):
-        raise wrong
+    Raises `ConfigError` where controller, plant and signals do not go together.
+    """
+    first = map_tensors(lambda leaf: leaf[0], weights)
     try:
-        plain = [list(r) if hasattr(r, "__len__") else r for r in value]
-    except TypeError:
-        plain = value
-    try:
-        return torch.tensor(plain, dtype=torch.float64)
-    except (TypeError, ValueError):
-        raise wrong from None
-
-
-def _attention(cfg: SimulateConfig) -> Attention:
-    name = str(cfg.controller.attention)
-    if name not in ATTENTIONS:
-        raise ConfigError(f"unknown attention '{name}'; choose from {', '.join(ATTENTIONS)}")
-    kind = ATTENTIONS[name]
-    if kind is ReallocatingAttention:
-        return ReallocatingAttention(cfg.controller.phase, cfg.constants.shift_threshold)
-    return kind()
-
-
-def _key_rule(cfg: SimulateConfig) -> KeyRule:
-    if cfg.keys.name not in KEY_RULES:
-        raise ConfigError(f"unknown keys '{cfg.keys.name}'; choose from {', '.join(KEY_RULES)}")
-    kind = KEY_RULES[cfg.keys.name]
-    return StateKeys(cfg.constants.key_rate) if kind is StateKeys else kind()
-
-
-#: Settings that only some solvers take.
-_SOLVER_SETTINGS = {
-    "rtol": (*ADAPTIVE, "scipy_solver"),
-    "atol": (*ADAPTIVE, "scipy_solver"),
-    "max_step": FIXED,
-    "follow_reference": ("implicit",),
-}
-
-
-def build_solver(cfg: SolverConfig) -> Solver:
-    """The solver of that name. Raises `ConfigError`, for a setting that it would ignore too."""
-    if cfg.name not in ("implicit", *METHODS):
+        with torch.inference_mode():
+            return start_of(loop, scenario, first)[:2]
+    except (AttributeError, TypeError, IndexError) as error:
         raise ConfigError(
-            f"unknown solver '{cfg.name}'; choose from implicit, {', '.join(METHODS)}"
-        )
-    for name, takers in _SOLVER_SETTINGS.items():
-        value = getattr(cfg, name)
-        if cfg.name not in takers and value != getattr(SolverConfig, name):
-            raise ConfigError(
-                f"solver.{name} = {value}: {cfg.name} takes none; {', '.join(takers)} would"
-            )
-    if cfg.name == "implicit":
-        return Implicit(cfg.dt, cfg.compile, cfg.follow_reference)
-    inner = None if cfg.max_step is None else min(cfg.max_step, cfg.dt)
-    return Odeint(cfg.name, cfg.dt, cfg.rtol, cfg.atol, inner, compile=cfg.compile)
+            f"controller '{cfg.controller.get('name')}' can't control plant "
+            f"'{cfg.plant['name']}': {str(error).splitlines()[0]}"
+        ) from None
+    except RuntimeError as error:
+        if isinstance(error, MemoryError):
+            raise
+        raise ConfigError(
+            f"controller '{cfg.controller.get('name')}' and plant '{cfg.plant['name']}': "
+            f"{str(error).splitlines()[0]}"
+        ) from None
+
+
+def _of_draws(
+    cfg: LoopConfig,
+    loop: ClosedLoop,
+    alone: Scenario,
+    draws: Sequence[int],
+    weights: Any,
+    dt: float,
+) -> Scenario:
+    """The scenario of all draws: with noise of their own, batched where weights do not do so."""
+    numbers = [cfg.initial.draw + draw for draw in draws]
+    noise = build_noise(cfg, numbers)
+    if noise is not None:
+        rest, c = loop.plant.rest(), loop.plant.coefficients(alone.parameters)
+        widths = [part.shape[-1] for part in loop.plant.measure(rest, c)]
+        check_noise(noise, widths, alone.end, dt)
+        return dataclasses.replace(alone, noise=noise)
+    if weights is None:
+        return dataclasses.replace(alone, horizon=as_float64(alone.horizon).expand(len(draws)))
+    return alone

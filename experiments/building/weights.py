@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import cast
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from mann_torch import MannController
-from mann_torch.control import AdaptiveNetwork
+from mann_torch.control import AdaptiveNetwork, Controller
 from mann_torch.errors import ConfigError, WeightsFileError
-from mann_torch.types import NetworkState
+from mann_torch.trees import map_tensors
 
 from ..runs.array_file import READ_ERRORS, ArrayFile
-from ..settings.config import LoopConfig, SimulateConfig
+from ..settings.config import LoopConfig
 
 #: Draws are numbered below this: seed and number share a generator's 64 bits.
 MOST_DRAWS = 1 << 20
@@ -38,13 +37,16 @@ def check_draws(cfg: LoopConfig, draws: Sequence[int]) -> None:
         raise ConfigError(f"seed = {cfg.seed}: must be >= 0 and < 2^32")
 
 
-def initial_weights(
-    cfg: SimulateConfig, controller: MannController, draws: Sequence[int]
-) -> NetworkState:
-    """Initial weights of draws that are counted from number `initial.draw` on, (draws, *event)."""
-    network = cast(AdaptiveNetwork, controller.network)
+def initial_weights(cfg: LoopConfig, controller: Controller, draws: Sequence[int]) -> Any:
+    """Initial weights of draws that are counted from number `initial.draw` on, (draws, *event).
+
+    None for a controller without. Raises `ConfigError`, for a file where it takes none too.
+    """
     numbers = [cfg.initial.draw + draw for draw in draws]
     if cfg.initial.weights_file is not None:
+        network = getattr(controller, "network", None)
+        if not isinstance(network, AdaptiveNetwork):
+            raise ConfigError("initial.weights_file: it holds weights of the paper's network alone")
         V, b_v = inner_weights(
             cfg.initial.weights_file, network.n_inputs, network.n_hidden, numbers
         )
@@ -53,8 +55,8 @@ def initial_weights(
     for number in numbers:
         # A draw's weights depend on seed and number alone, not on how many are drawn.
         generator = torch.Generator().manual_seed((cfg.seed << 20) + number)
-        states.append(network.initial_state((), generator))
-    return NetworkState(*(torch.stack(leaf) for leaf in zip(*states, strict=True)))
+        states.append(controller.initial_weights((), generator))
+    return map_tensors(lambda *leaf: torch.stack(leaf), *states)
 
 
 def inner_weights(

@@ -28,7 +28,15 @@ from . import early
 from .conf_files import CONF, SEARCH_KEY, search_path
 from .failing import BAD_INPUT, FAILED, INTERRUPTED, fail, one_line, speak_any_terminal
 from .hydra_setup import register, swept
-from .overrides import as_typed, is_multirun, job_name, jobs_of, quote_numeric_names, unknown_key
+from .overrides import (
+    as_typed,
+    is_multirun,
+    job_name,
+    jobs_of,
+    opened,
+    quote_numeric_names,
+    unknown_key,
+)
 
 register()
 
@@ -43,7 +51,7 @@ def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[An
     swept.clear()
     debugged = os.environ.get("HYDRA_FULL_ERROR") == "1"
     try:
-        arguments = sys.argv[1:] = quote_numeric_names(sys.argv[1:])
+        arguments = sys.argv[1:] = opened(quote_numeric_names(sys.argv[1:]))
         _check_options(arguments)
         check_launcher(arguments)
         jobs = list(jobs_of(arguments))
@@ -108,7 +116,7 @@ def compose_job(config_name: str, overrides: list[str]) -> Any:
 
 
 def _composed(config_name: str, overrides: list[str]) -> Any:
-    places = search_path()
+    overrides, places = opened(overrides), search_path()
     if places:
         quoted = ",".join("'" + place.replace("'", r"\'") + "'" for place in places)
         rest = [o for o in overrides if o.partition("=")[0] != SEARCH_KEY]

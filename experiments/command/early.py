@@ -16,7 +16,7 @@ from .completion import script
 from .conf_files import CONF
 from .failing import FAILED, fail, speak_any_terminal
 from .hydra_setup import register
-from .overrides import quote_numeric_names
+from .overrides import opened, quote_numeric_names
 
 #: Options that ask something about a command, and run nothing.
 ASKING = ("--help", "-h", "--hydra-help", "--version", "--info", "-i", "--shell-completion", "-sc")
@@ -56,7 +56,8 @@ def answer(command: str) -> None:
     if "COMP_LINE" in os.environ:  # Hydra knows `python FILE` and `NAME`, not `python -m NAME`
         line = re.sub(r"^\s*\S*python\S*\s+-m\s+(?=\S)", "", os.environ["COMP_LINE"])
         *words, last = line.split(" ")
-        os.environ["COMP_LINE"] = " ".join([*quote_numeric_names(words), last])
+        os.environ["COMP_LINE"] = " ".join([*opened(quote_numeric_names(words)), last])
+    sys.argv[1:] = opened(quote_numeric_names(sys.argv[1:]))
     speak_any_terminal()
     try:
         hydra.main(version_base="1.3", config_path=str(CONF), config_name=command)(_nothing)()

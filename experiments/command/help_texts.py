@@ -19,24 +19,30 @@ class Help:
     choices: Callable[[], dict[str, tuple[str, ...]]] = field(default=dict)
 
 
-STUDY = ("scenario", "controller", "keys", "solver")
+#: What a loop and what is asked of it are chosen from.
+LOOP = (
+    *("scenario", "plant", "reference", "controller", "network", "law", "keys", "actuator"),
+    *("sensor", "clock", "model", "disturbance", "solver"),
+)
 HELP = {
     "simulate": Help(
         "Simulate one scenario under one controller: SRMSE, figures, TensorBoard, arrays.",
         {
             "example": "scenario=5 controller=soft draws=3",
             "sweep": "-m scenario=1,4 controller=nn,soft",
+            "plant": "plant=pendulum scenario=plain reference=minimum_jerk controller=hard",
+            "payload": "scenario.schedule.masses=[[10,[1,1.2]]]",
         },
-        ("scenario", "controller", "keys", "solver", "plant"),
+        LOOP,
     ),
     "ensemble": Help(
-        "Roll one scenario out thousands of times, with random masses and draws: how SRMSE is "
-        "spread, and which rollouts are the worst.",
+        "Roll one scenario out thousands of times, with random parameters and draws: how SRMSE "
+        "is spread, and which rollouts are the worst.",
         {
-            "example": "scenario=1 controller=hard rollouts=10000 masses.spread=0.3",
+            "example": "scenario=1 controller=hard rollouts=10000 spread.masses=0.3",
             "spread out": "-m first=0,2500,5000,7500 rollouts=2500 hydra/launcher=joblib",
         },
-        ("scenario", "controller", "keys", "solver", "plant"),
+        LOOP,
     ),
     "reproduce": Help(
         "Reproduce the paper's tables, figures and claims.",
@@ -50,15 +56,19 @@ HELP = {
         "Tune design constants by gradient, then judge them on scenarios and draws held out.",
         {
             "fewer": "names=[write_gain,error_gain]",
+            "plant": "plant=pendulum train.scenarios=[plain] held_out.scenarios=[plain]",
             "resume": "resume=logs/tune/STAMP",
             "compare": "compare=[logs/tune/OTHER]",
         },
-        STUDY,
+        LOOP,
     ),
     "gradient_report": Help(
         "Every gradient mode against differences, constant by constant, for one scenario.",
-        {"example": "scenario=4 controller=hard"},
-        STUDY,
+        {
+            "example": "scenario=4 controller=hard",
+            "plant": "plant=pendulum scenario=plain controller=hard",
+        },
+        LOOP,
     ),
     "online_regression": Help(
         "Learn a function that changes abruptly and comes back, sample by sample: the network "
@@ -82,9 +92,9 @@ def help_text(command: str) -> str:
     """Hydra's help template for a command."""
     said = HELP[command]
     names = {group: group_names(group) for group in said.groups} | said.choices()
-    lines = [f"  {name:<11}{', '.join(offered)}" for name, offered in names.items()]
+    lines = [f"  {name:<12}{', '.join(offered)}" for name, offered in names.items()]
     examples = [
-        f"  {what:<11}python -m experiments.{command} {arguments}"
+        f"  {what:<12}python -m experiments.{command} {arguments}"
         for what, arguments in said.examples.items()
     ]
     settings = ["Settings, each as NAME=VALUE:", "", "$CONFIG"]

@@ -30,6 +30,8 @@ def _tune_folder(run_dir: str | None, resume: str | None) -> str:
     return resume or _run_folder(run_dir, "tune")
 
 
+#: What a scenario sets alone: a configuration of nothing else.
+ONLY_SCENARIO = "only_scenario"
 #: The folder of the sweep that this process started.
 swept: list[Path] = []
 
@@ -48,6 +50,7 @@ def register() -> None:
     OmegaConf.register_new_resolver("help_text", help_text, replace=True)
     store = ConfigStore.instance()
     store.store(name="base_simulate", node=SimulateConfig)
+    store.store(name=ONLY_SCENARIO, node={"defaults": [{"scenario": "plain"}]})
     store.store(name="base_reproduce", node=ReproduceConfig)
     store.store(name="base_online_regression", node=OnlineRegressionConfig)
     store.store(name="base_ensemble", node=EnsembleConfig)

@@ -13,10 +13,12 @@ from omegaconf import DictConfig, OmegaConf
 
 from mann_torch.errors import ConfigError
 
+from ..settings.config import OPEN
 from .conf_files import group_folders
 
 #: Every job is checked before the first begins.
 MOST_JOBS = 2000
+_OPEN = "(?:" + "|".join(map(re.escape, OPEN)) + r")\.[\w.]+"
 _TAKES_VALUE = ("--config-name", "-cn", "--config-path", "-cp", "--config-dir", "-cd", "--package")
 
 
@@ -64,8 +66,20 @@ def job_name(number: int, jobs: Sequence[Sequence[str]]) -> str:
 
 
 def as_typed(override: str) -> str:
-    """An override without the quotes of `quote_numeric_names`."""
+    """An override as it was before `quote_numeric_names` and `opened`."""
+    override = re.sub(rf"^\+\+(?={_OPEN}=)", "", override)
     return re.sub(r"^(\w+)='([^']*)'$", r"\1=\2", override)
+
+
+def opened(arguments: Sequence[str]) -> list[str]:
+    """`plant.stiffness=3` as `++plant.stiffness=3`: what there is, the plant's class says.
+
+    And `sensor=null` as `~sensor`, Hydra's way to say that a group is not chosen.
+    """
+    absent = {f"{group}=null": f"~{group}" for group in OPEN}
+    return [
+        re.sub(rf"^(?={_OPEN}=)", "++", absent.get(argument, argument)) for argument in arguments
+    ]
 
 
 def quote_numeric_names(arguments: list[str]) -> list[str]:

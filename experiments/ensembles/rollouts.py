@@ -64,10 +64,10 @@ class Chunk(Rollouts):
     peak_mb: float
 
 
-def drawn_of(parameters: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """`drawn` and `entries` of rows (N, d) of the plant's parameters by name."""
+def drawn_of(parameters: Mapping[str, np.ndarray], count: int) -> dict[str, np.ndarray]:
+    """`drawn` and `entries` of `count` rows (N, d) of the plant's parameters by name."""
     entries = [f"{n}_{i + 1}" for n, rows in parameters.items() for i in range(rows.shape[1])]
-    drawn = np.concatenate(list(parameters.values()), axis=1)
+    drawn = np.concatenate([np.empty((count, 0)), *parameters.values()], axis=1)
     return {"drawn": drawn, "entries": np.array(entries, str)}
 
 

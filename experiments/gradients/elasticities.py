@@ -108,8 +108,8 @@ def estimate_all(
     members, zero = len(ensemble), torch.zeros(coordinates.size, dtype=torch.float64)
 
     def of_outputs(run: Outcome) -> Tensor:
-        each = srmse(run)
-        return each.square().sum(-1).sqrt() if cfg.joint == 0 else each[..., cfg.joint - 1]
+        each, chosen = srmse(run), cfg.of_output
+        return each.square().sum(-1).sqrt() if chosen == 0 else each[..., chosen - 1]
 
     events: dict[str, list[int]] = {}
 
@@ -161,7 +161,7 @@ def estimate_all(
             norms[mode].insert(0, (horizon, float(slopes.mean(dim=0).norm()) / value))
     return Findings(
         labels=coordinates.labels,
-        outputs=list(now.outputs if cfg.joint == 0 else now.outputs[cfg.joint - 1 : cfg.joint]),
+        outputs=list(now.outputs[max(0, cfg.of_output - 1) : cfg.of_output or None]),
         srmse=each.tolist(),
         n_steps=len(now.step_t) - 1,
         switches=switches(now).tolist(),

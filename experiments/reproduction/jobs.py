@@ -116,12 +116,12 @@ def batches(cfg: ReproduceConfig, job: Job) -> list[tuple[list[str], Experiment]
     groups: dict[float, list[str]] = {}
     for scenario, part in parts.items():
         groups.setdefault(part.scenario.end, []).append(scenario)
-    return [(names, _batched([parts[n] for n in names])) for names in groups.values()]
+    return [(names, _batched([parts[n] for n in names], cfg.draws)) for names in groups.values()]
 
 
-def _batched(parts: list[Experiment]) -> Experiment:
+def _batched(parts: list[Experiment], draws: int) -> Experiment:
     """Scenarios and draws of one controller as one experiment of batch (scenarios * draws,)."""
-    scenario, weights, own = side_by_side(parts)
+    scenario, weights, own = side_by_side(parts, draws)
     first = parts[0]
     first.loop.controller.initialize(**own)
     return Experiment(first.loop, scenario, first.solver, weights)

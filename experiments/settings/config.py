@@ -7,15 +7,8 @@ from typing import Any
 
 from omegaconf import MISSING
 
-
-@dataclass
-class PlantConfig:
-    name: str = MISSING
-    masses: list[float] = MISSING
-    lengths: list[float] = MISSING
-    viscous: list[float] = MISSING
-    coulomb: list[float] = MISSING
-    gravity: float = MISSING
+#: What a run is of where nothing is said.
+PAPERS_PLANT = "two_link_arm"
 
 
 @dataclass
@@ -24,8 +17,11 @@ class KeysConfig:
 
 
 @dataclass
-class ControllerConfig:
+class MannConfig:
+    """What `controller` says of the paper's kind; another kind has its constructor's arguments."""
+
     name: str = MISSING
+    kind: str = "mann"
     attention: str | None = None
     phase: str = "initial"
     n_hidden: int | None = 10
@@ -39,41 +35,14 @@ class MemoryConfig:
 
 
 @dataclass
-class ConstantsConfig:
-    """Design constants by name; the paper's symbols are in the README's table."""
-
-    write_gain: float = 0.75  # c_w
-    shift_threshold: float = 0.2  # theta
-    key_rate: float = 1.0  # c_k [1/s]
-    error_gain: Any = 5.0  # Lambda [1/s]: number, n diagonal entries or n x n rows
-    base_gain: float = 20.0  # K_v [N m s/rad]
-    robust_gain: float = 10.0  # k_v
-    weight_bound: float = 0.0  # Z_m
-    rate_W: float = 10.0  # noqa: N815 - C_w
-    rate_V: float = 10.0  # noqa: N815 - C_v
-    e_modification: float = 0.0  # kappa
-
-
-@dataclass
-class MassGrowthConfig:
-    """m^2 -> m^2 + increment m(0)^2 every period; no growth where neither is given."""
-
-    increment: float | None = None
-    period: float | None = None  # [s]
-
-
-@dataclass
 class ScenarioConfig:
+    """What is asked of a plant. `schedule` and `start` are told by the plant's own names."""
+
     name: str = MISSING
-    amplitude: list[float] = MISSING
-    frequency: list[float] = MISSING
-    offset: list[float] = MISSING
-    horizon: float = MISSING
-    mass_jumps: list[Any] = field(default_factory=list)
-    # A node from the start: OmegaConf can't put a mapping where a structured node is null.
-    mass_growth: MassGrowthConfig | None = field(default_factory=MassGrowthConfig)
-    q: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    qd: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    horizon: float = MISSING  # [s]
+    reference: Any = None  # unless one is chosen: name and arguments
+    schedule: Any = None  # changes of the plant's parameters, by name
+    start: Any = None  # rows of the plant's state, by name; at rest where not given
 
 
 @dataclass
@@ -116,14 +85,25 @@ class OutputConfig(PicturesConfig):
 
 @dataclass
 class LoopConfig:
-    """One scenario under one controller: what `simulate` and `ensemble` are told alike."""
+    """What a loop is made of, how it is solved, and where results go: what all studies are told.
 
-    plant: PlantConfig = field(default_factory=PlantConfig)
+    Open nodes hold a `name` and arguments of what it names; they are checked against its class.
+    None of them: there is no such part.
+    """
+
+    plant: dict[str, Any] = field(default_factory=dict)
+    reference: Any = None  # in place of the scenario's own
+    controller: dict[str, Any] = field(default_factory=dict)
+    network: Any = None  # in place of the paper's
+    law: Any = None  # of the network
     keys: KeysConfig = field(default_factory=KeysConfig)
-    controller: ControllerConfig = field(default_factory=ControllerConfig)
     memory: MemoryConfig = field(default_factory=MemoryConfig)
-    constants: ConstantsConfig = field(default_factory=ConstantsConfig)
-    scenario: ScenarioConfig = field(default_factory=ScenarioConfig)
+    constants: dict[str, Any] = field(default_factory=dict)  # of whatever part declares them
+    actuator: Any = None
+    sensor: Any = None
+    clock: Any = None
+    model: Any = None  # reference model
+    disturbance: Any = None
     solver: SolverConfig = field(default_factory=SolverConfig)
     initial: InitialConfig = field(default_factory=InitialConfig)
     horizon: float | None = None  # [s], the scenario's own if null
@@ -132,9 +112,35 @@ class LoopConfig:
 
 
 @dataclass
-class SimulateConfig(LoopConfig):
+class ScenarioLoopConfig(LoopConfig):
+    """One scenario of one loop."""
+
+    scenario: ScenarioConfig = field(default_factory=ScenarioConfig)
+
+
+@dataclass
+class SimulateConfig(ScenarioLoopConfig):
     output: OutputConfig = field(default_factory=OutputConfig)
     draws: int = 1
+
+
+def title_of(cfg: ScenarioLoopConfig) -> str:
+    """What a run is of, in a few words."""
+    controller, plant = cfg.controller["name"], cfg.plant["name"]
+    words = [f"scenario {cfg.scenario.name}", controller, f"{cfg.keys.name} keys"]
+    if plant != PAPERS_PLANT:
+        words.insert(1, plant)
+    if cfg.controller.get("kind", MannConfig.kind) != MannConfig.kind:
+        words.pop()
+    return ", ".join(map(str, words))
+
+
+#: Nodes whose keys are told by what they name, not by a schema.
+OPEN = (
+    *("plant", "reference", "controller", "network", "law", "constants"),
+    *("actuator", "sensor", "clock", "model", "disturbance"),
+    *("scenario.reference", "scenario.schedule", "scenario.start", "spread"),
+)
 
 
 @dataclass

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
-from .config import LoopConfig, PicturesConfig
-
-
-@dataclass
-class MassesConfig:
-    """Random masses: each of `plant.masses` times a factor of its own, 1 +- `spread`, uniform."""
-
-    spread: float = 0.2
+from .config import PicturesConfig, ScenarioLoopConfig
 
 
 @dataclass
-class EnsembleConfig(LoopConfig):
-    """Rollout k has draw `initial.draw` + k of the initial weights, and masses number k."""
+class EnsembleConfig(ScenarioLoopConfig):
+    """Rollout k has draw `initial.draw` + k of the initial weights, and parameters number k.
 
-    masses: MassesConfig = field(default_factory=MassesConfig)
+    `spread` names parameters of the plant: each of their numbers times a factor of its own,
+    1 +- the spread, uniform.
+    """
+
+    spread: dict[str, Any] = field(default_factory=dict)
     output: PicturesConfig = field(default_factory=PicturesConfig)
     first: int = 0  # number of the first rollout
     rollouts: int = 1000

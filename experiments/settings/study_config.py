@@ -5,44 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from .config import (
-    ConstantsConfig,
-    ControllerConfig,
-    InitialConfig,
-    KeysConfig,
-    MemoryConfig,
-    PicturesConfig,
-    PlantConfig,
-    ScenarioConfig,
-    SolverConfig,
-)
+from .config import LoopConfig, PicturesConfig, ScenarioConfig
 
 
 @dataclass
-class NoiseConfig:
-    """White measurement noise, a stream a draw; no noise where both are 0."""
-
-    position_std: float = 0.0  # [rad]
-    velocity_std: float = 0.0  # [rad/s]
-    rate: float | None = None  # [Hz]; null: new at every solver step
-    seed: int = 1000  # draw k has the stream seed + k
-
-
-@dataclass
-class StudyConfig:
+class StudyConfig(LoopConfig):
     """What constants are judged on; the base of `tune` and `gradient_report`."""
 
-    keys: KeysConfig = field(default_factory=KeysConfig)
-    controller: ControllerConfig = field(default_factory=ControllerConfig)
-    memory: MemoryConfig = field(default_factory=MemoryConfig)
-    solver: SolverConfig = field(default_factory=SolverConfig)
-    initial: InitialConfig = field(default_factory=InitialConfig)
-    noise: NoiseConfig = field(default_factory=NoiseConfig)
     output: PicturesConfig = field(default_factory=PicturesConfig)
-    effort_after: float = 10.0  # [s] peak torques count from here on
-    horizon: float | None = None  # [s], cuts every scenario short
-    seed: int = 0
-    run_dir: str | None = None
+    effort_after: float = 10.0  # [s] peak inputs count from here on
 
 
 @dataclass
@@ -113,11 +84,9 @@ class TuneConfig(StudyConfig):
 class GradientReportConfig(StudyConfig):
     """Every gradient mode against differences, constant by constant."""
 
-    plant: PlantConfig = field(default_factory=PlantConfig)
-    constants: ConstantsConfig = field(default_factory=ConstantsConfig)
     scenario: ScenarioConfig = field(default_factory=ScenarioConfig)
     draws: int = 10
-    joint: int = 1  # 1 or 2, whose SRMSE is differentiated; 0 for both together
+    of_output: int = 1  # number of the output whose SRMSE is differentiated; 0 for all together
     names: list[str] = field(default_factory=list)  # constants to differentiate by
     steps: list[float] = field(default_factory=list)  # relative steps of the differences
     judge: float = 0.1  # the step that the verdicts go by

@@ -53,6 +53,8 @@ def report_of(tuner: Tuner, verdicts: Sequence[Verdict], command: str, tuning_s:
 def _text(value: torch.Tensor) -> str:
     if value.dim() == 0:
         return f"{float(value):.4g}"
+    if value.dim() == 1:
+        return "[" + ", ".join(f"{x:.4g}" for x in value.tolist()) + "]"
     if bool((value == value[0, 0] * torch.eye(len(value), dtype=value.dtype)).all()):
         return f"{float(value[0, 0]):.4g} I"
     return (

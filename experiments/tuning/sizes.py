@@ -19,8 +19,9 @@ def check_sizes(cfg: TuneConfig, tuner: Tuner, candidates: int) -> None:
     check_between(cfg.schedule, {"iterations": (1, MOST_ITERATIONS)}, "schedule.")
     members = min(len(tuner.ensemble), tuner.schedule.minibatch or len(tuner.ensemble))
     copies = members * tuner.gradient.copies_for(members, tuner.coordinates.size)
-    check_rollouts(f"gradient.pairs = {cfg.gradient.pairs}", cfg, copies)
+    plant = tuner.ensemble.loop.plant
+    check_rollouts(f"gradient.pairs = {cfg.gradient.pairs}", cfg, plant, copies)
     if cfg.judge:
         draws = len(cfg.held_out.draws)
         what = f"grid and held_out.draws, {candidates} x {draws}"
-        check_rollouts(what, cfg, candidates * draws)
+        check_rollouts(what, cfg, plant, candidates * draws)

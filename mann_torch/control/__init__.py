@@ -1,5 +1,6 @@
 """Controllers. They know nothing of arms, signals or solvers."""
 
+from ..registry import Registry
 from .controller import Controller
 from .feature_network import FeatureNetwork
 from .laws import LAWS, GradientLaw, Law
@@ -11,14 +12,19 @@ from .radial_basis import RadialBasisNetwork
 from .robust import RobustGain
 from .tracking import FilteredTracking
 
-CONTROLLERS: dict[str, type[Controller]] = {
-    "mann": MannController,
-    "linear_feedback": LinearFeedback,
-}
+CONTROLLERS: Registry[Controller] = Registry(
+    "controller", Controller, {"mann": MannController, "linear_feedback": LinearFeedback}
+)
+NETWORKS: Registry[FeatureNetwork] = Registry(
+    "network",
+    FeatureNetwork,
+    {"adaptive": AdaptiveNetwork, "radial_basis": RadialBasisNetwork},
+)
 
 __all__ = [
     "CONTROLLERS",
     "LAWS",
+    "NETWORKS",
     "AdaptiveNetwork",
     "Controller",
     "ErrorsAndReference",

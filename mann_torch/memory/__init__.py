@@ -3,6 +3,7 @@
 This package imports nothing of control, plants or solvers: other learning code can use it alone.
 """
 
+from ..registry import Registry
 from .attention import Attention
 from .cell import MemoryCell
 from .cell_state import Attended, CellState
@@ -17,15 +18,14 @@ from .telemetry import MemoryTrace, reallocation_log
 from .working_memory import RESETS, WorkingMemory
 
 #: Names a configuration may use. A new mechanism is one file and one line here.
-ATTENTIONS: dict[str, type[Attention]] = {
-    "soft": SoftAttention,
-    "hard": HardAttention,
-    "reallocating": ReallocatingAttention,
-}
-KEY_RULES: dict[str, type[KeyRule]] = {
-    "representation": RepresentationKeys,
-    "state": StateKeys,
-}
+ATTENTIONS: Registry[Attention] = Registry(
+    "attention",
+    Attention,
+    {"soft": SoftAttention, "hard": HardAttention, "reallocating": ReallocatingAttention},
+)
+KEY_RULES: Registry[KeyRule] = Registry(
+    "keys", KeyRule, {"representation": RepresentationKeys, "state": StateKeys}
+)
 
 __all__ = [
     "ATTENTIONS",

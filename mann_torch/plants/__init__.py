@@ -1,5 +1,6 @@
 """Plants: systems to be controlled. They know nothing of controllers."""
 
+from ..registry import Registry
 from .cart_pole import CartPole, CartPoleParameters
 from .double_integrator import DoubleIntegrator, DoubleIntegratorParameters
 from .first_order import MeasuredOutput, RowState
@@ -19,19 +20,23 @@ from .slotine_li_arm import SlotineLiArm, SlotineLiParameters, lumped
 from .two_link_arm import ArmCoefficients, ArmParameters, TwoLinkArm, arm_parameters
 from .wing_rock import CHOWDHARY_JOHNSON, ELZEBDA, WingRock, WingRockParameters
 
-PLANTS: dict[str, type[Plant]] = {
-    "two_link_arm": TwoLinkArm,
-    "n_link_arm": NLinkArm,
-    "flexible_joint_arm": FlexibleJointArm,
-    "slotine_li_arm": SlotineLiArm,
-    "wing_rock": WingRock,
-    "planar_quadrotor": PlanarQuadrotor,
-    "linear": LinearPlant,
-    "rohrs": RohrsPlant,
-    "cart_pole": CartPole,
-    "pendulum": Pendulum,
-    "double_integrator": DoubleIntegrator,
-}
+PLANTS: Registry[Plant] = Registry(
+    "plant",
+    Plant,
+    {
+        "two_link_arm": TwoLinkArm,
+        "n_link_arm": NLinkArm,
+        "flexible_joint_arm": FlexibleJointArm,
+        "slotine_li_arm": SlotineLiArm,
+        "wing_rock": WingRock,
+        "planar_quadrotor": PlanarQuadrotor,
+        "linear": LinearPlant,
+        "rohrs": RohrsPlant,
+        "cart_pole": CartPole,
+        "pendulum": Pendulum,
+        "double_integrator": DoubleIntegrator,
+    },
+)
 
 __all__ = [
     "CHOWDHARY_JOHNSON",

@@ -1,5 +1,6 @@
 """Reference trajectories and parameter schedules."""
 
+from ..registry import Registry
 from .disturbance import Disturbance, Forces, Outside, Surroundings
 from .noise import MeasurementNoise, NoiseTable, noise_at
 from .polynomial import Polynomial
@@ -15,18 +16,22 @@ from .steps import Steps
 from .sum import Sum
 from .waypoints import MinimumJerk, Quintic
 
-REFERENCES: dict[str, type[Reference]] = {
-    "sinusoid": Sinusoid,
-    "sinusoids": Sinusoids,
-    "steps": Steps,
-    "square_wave": SquareWave,
-    "smooth_steps": SmoothSteps,
-    "minimum_jerk": MinimumJerk,
-    "quintic": Quintic,
-    "polynomial": Polynomial,
-    "sum": Sum,
-    "spline": Spline,
-}
+REFERENCES: Registry[Reference] = Registry(
+    "reference",
+    Reference,
+    {
+        "sinusoid": Sinusoid,
+        "sinusoids": Sinusoids,
+        "steps": Steps,
+        "square_wave": SquareWave,
+        "smooth_steps": SmoothSteps,
+        "minimum_jerk": MinimumJerk,
+        "quintic": Quintic,
+        "polynomial": Polynomial,
+        "sum": Sum,
+        "spline": Spline,
+    },
+)
 
 __all__ = [
     "REFERENCES",

@@ -23,7 +23,7 @@ class _Part:
 
     name: str
     start: Tensor  # (*event)
-    form: str  # "scalar", or "diagonal" or "full" for a matrix
+    form: str  # "scalar", or "diagonal" or "full" for a matrix, "diagonal" for a row
     size: int
 
 
@@ -33,7 +33,8 @@ class Coordinates:
     A scalar is start * exp(z): z is its relative change. A symmetric positive definite matrix
     (Lambda) is S start S', with S = exp(z/2) for ``scalar``, diag(exp(z/2)) for ``diagonal``, and
     for ``full`` lower triangular with the other P's below its diagonal: it stays symmetric positive
-    definite wherever z goes.
+    definite wherever z goes. A row is start * exp(z) with one z for ``scalar``, else with one a
+    number, which keeps its sign.
 
     Raises `ConfigError` for no name, an unknown or repeated one, a batched constant, a constant
     that starts at the edge of its domain (0 times anything is 0), or an unknown form, `KindError`.
@@ -55,10 +56,14 @@ class Coordinates:
             matrix = isinstance(module.domain(name), SymmetricPositiveDefinite)
             if start.dim() != module.domain(name).event_dims:
                 raise ConfigError(f"{name} has a batch shape {tuple(start.shape)}: tune one value")
-            if not matrix and not bool(start > 0):
-                raise ConfigError(f"{name} = {float(start)} can't be tuned from 0: start it > 0")
-            n = start.shape[-1] if matrix else 1
+            row = start.dim() == 1
+            if not matrix and bool((start == 0 if row else start <= 0).any()):
+                shown = start.tolist()
+                raise ConfigError(f"{name} = {shown} can't be tuned from 0: start it > 0")
+            n = start.shape[-1] if matrix or row else 1
             form = matrix_form if matrix else "scalar"
+            if row and matrix_form != "scalar":
+                form = "diagonal"
             size = {"scalar": 1, "diagonal": n, "full": n * (n + 1) // 2}[form]
             parts.append(_Part(name, start, form, size))
         self._parts = parts
@@ -77,8 +82,8 @@ class Coordinates:
             if part.size == 1:
                 found.append(part.name)
             else:
-                n = part.start.shape[-1]
-                found += [f"{part.name}[{i},{i}]" for i in range(n)]
+                n, row = part.start.shape[-1], part.start.dim() == 1
+                found += [f"{part.name}[{i}]" if row else f"{part.name}[{i},{i}]" for i in range(n)]
                 if part.form == "full":
                     found += [f"{part.name}[{i},{j}]" for i in range(n) for j in range(i)]
         return tuple(found)
@@ -95,6 +100,8 @@ class Coordinates:
         for part, piece in zip(self._parts, pieces, strict=True):
             if part.start.dim() == 0:
                 values[part.name] = part.start * piece.squeeze(-1).exp()
+            elif part.start.dim() == 1:
+                values[part.name] = part.start * piece.exp()
             else:
                 S = _factor(part, piece)
                 value = S @ part.start @ S.mT

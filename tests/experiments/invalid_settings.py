@@ -17,7 +17,10 @@ COMMANDS = (
 #: How often each is asked: the quick ones more.
 SHARE = (6, 4, 2, 3, 4, 5, 5)
 #: Numbers that may be anything finite, or that nothing computes with.
-_ANY_SIGN = ("amplitude", "frequency", "offset", "q", "qd", "gravity", "paper", "paper_reduction")
+_ANY_SIGN = (
+    *("amplitude", "frequency", "offset", "q", "qd", "paper", "paper_reduction", "phase"),
+    *("weights", "velocities", "accelerations", "centers", "times", "gravity"),
+)
 #: Sizes that no machine has room for, and counts that no one lives to see the end of.
 _SIZES = (
     "draws",
@@ -39,6 +42,21 @@ _SIZES = (
     "iterations",
     "visits",
 )
+#: Commands of one scenario of one loop, and other loops than the default one.
+OF_LOOPS = ("simulate", "ensemble", "gradient_report")
+LOOPS = (
+    (
+        *("plant=pendulum", "scenario=plain", "controller=linear_feedback", "actuator=lagged"),
+        *("sensor=sampled", "clock=periodic", "model=second_order", "disturbance=input"),
+        *("reference=square_wave", "sensor.noise={std:[1e-3,1e-2],rate:100.0,seed:3}"),
+    ),
+    (
+        *("plant=n_link_arm", "scenario=plain", "reference=sinusoid", "network=radial_basis"),
+        *("law=gradient", "sensor=noisy", "actuator=limited"),
+    ),
+    ("plant=wing_rock", "scenario=plain", "controller=linear_feedback", "reference=smooth_steps"),
+    ("plant=planar_quadrotor", "scenario=plain", "controller=nn", "disturbance=wind"),
+)
 #: What only goes wrong together.
 TOGETHER = {
     "simulate": (
@@ -46,13 +64,63 @@ TOGETHER = {
         ("solver=dopri5", "solver.follow_reference=false"),
         ("solver=rk4", "solver.atol=1e-3"),
         ("solver=dopri5", "solver.max_step=1e-4"),
-        ("scenario.mass_jumps=[[1,1e200],[2,1e200]]",),
-        ("scenario.mass_jumps=[[1,1e-200],[2,1e-200]]",),
-        ("scenario.mass_jumps=[[true,2]]",),
-        ("scenario.mass_jumps=[[1,true]]",),
-        ("scenario.mass_growth={increment:1e308,period:1}", "scenario.mass_jumps=[]"),
-        ("scenario.mass_growth={increment:1,period:1}",),
-        ("scenario.mass_growth.period=3", "scenario.mass_jumps=[]"),
+        ("scenario.schedule.masses=[[1,1e200],[2,1e200]]",),
+        ("scenario.schedule.masses=[[1,1e-200],[2,1e-200]]",),
+        ("scenario.schedule.masses=[[true,2]]",),
+        ("scenario.schedule.masses=[[1,true]]",),
+        ("scenario.schedule.masses=[{every:1,growth:1e308}]",),
+        ("scenario.schedule.masses=[{every:1,growth:1},[5,2]]",),
+        ("scenario.schedule.masses=[{every:3}]",),
+        ("scenario.schedule.masses=[{at:1,add:1,factor:2}]",),
+        ("scenario.schedule.masses=[{at:1,add:1,entry:3}]",),
+        ("scenario.schedule.masses=[{at:1,add:[1,2],entry:1}]",),
+        ("scenario.schedule.masses=[{at:1,value:-2}]",),
+        ("scenario.schedule.masses=[[1,[2,3,4]]]",),
+        ("scenario.schedule.stiffness=[[1,2]]",),
+        ("scenario.schedule=3",),
+        ("scenario.start.x=[1,2]",),
+        ("scenario.start.q=[1]",),
+        ("scenario.start.q=[nan,0]",),
+        ("plant=pendulum",),
+        ("plant=pendulum", "scenario=plain", "plant.masses=[1,2]"),
+        ("plant=n_link_arm", "scenario=plain", "plant.n_joints=1000000000"),
+        ("plant=n_link_arm", "scenario=plain", "plant.n_joints=1.5"),
+        ("plant=wing_rock", "scenario=plain"),
+        ("plant=null",),
+        ("plant.name=foo",),
+        ("plant.name=3",),
+        ("reference=steps",),
+        ("reference.amplitude=3",),
+        ("reference=spline", "reference.path=/nowhere.csv"),
+        ("reference=sum", "reference.parts=[{name:foo}]"),
+        ("reference=sum", "reference.parts=3"),
+        ("controller=linear_feedback",),
+        ("controller.kind=foo",),
+        ("controller.foo=3",),
+        ("controller=linear_feedback", "controller.feedback=[[a]]"),
+        ("law=gradient",),
+        ("network=radial_basis", "network.width=0"),
+        ("network=radial_basis", "law=gradient", "law.adaptation_rate=-1"),
+        ("network=radial_basis", "initial.weights_file=tests/golden/initial_weights.npz"),
+        ("actuator.limit=-1",),
+        ("actuator=lagged", "actuator.lag=[0.1]"),
+        ("actuator.limt=3",),
+        ("sensor=sampled", "sensor.delay=0.015"),
+        ("sensor.noise=3",),
+        ("sensor=noisy", "sensor.noise.std=[1,2,3]"),
+        ("sensor=noisy", "sensor.noise.seed=-1"),
+        ("sensor=noisy", "sensor.noise.rate=1e12"),
+        ("clock.period=0",),
+        ("clock=periodic", "clock.hold=second"),
+        ("model=second_order", "model.frequency=0"),
+        ("model=linear",),
+        ("disturbance=wind",),
+        ("disturbance.input=3",),
+        ("disturbance=input", "disturbance.input.amplitude=[1,2,3]"),
+        ("disturbance.foo={name:sinusoid,amplitude:1}",),
+        ("constants.foo=1",),
+        ("constants.base_gain=[1]",),
+        ("constants.base_gain=null",),
         ("constants.error_gain=[true,1]",),
         ("draws=1000000", "initial.draw=1000000"),
         ("horizon=1e7", "solver.dt=1e-6"),
@@ -63,12 +131,15 @@ TOGETHER = {
         ("initial.weights_file=/nowhere.npz",),
     ),
     "ensemble": (
-        ("masses.spread=1",),
+        ("spread.masses=1",),
+        ("spread.masses=nan",),
+        ("spread.mass=0.1",),
+        ("spread=3",),
         ("first=1000000", "rollouts=1000000"),
         ("rollouts=1000000000",),
         ("chunk=10000", "memory.n_slots=100000"),
         ("plant.masses=[1e101,1]",),
-        ("scenario.mass_jumps=[[1,1e200],[2,1e200]]",),
+        ("scenario.schedule.masses=[[1,1e200],[2,1e200]]",),
     ),
     "reproduce": (
         ("experiment=[table_9]",),
@@ -87,8 +158,10 @@ TOGETHER = {
         ("gradient.control=[foo]",),
         ("gradient.pairs=1000000000",),
         ("gradient.pairs=0",),
-        ("noise.rate=1e12",),
-        ("noise.rate=0",),
+        ("sensor.noise.rate=1e12",),
+        ("sensor.noise.rate=0",),
+        ("plant=pendulum",),
+        ("plant=pendulum", "train.scenarios=[plain]"),
         ("horizon=nan",),
         ("horizon=-1",),
         ("names=[foo]",),
@@ -102,11 +175,12 @@ TOGETHER = {
     ),
     "gradient_report": (
         ("horizon=inf",),
-        ("scenario.mass_jumps=[[1,1e200],[2,1e200]]",),
+        ("scenario.schedule.masses=[[1,1e200],[2,1e200]]",),
         ("solver=implicit", "solver.rtol=1e-3"),
         ("control=[foo]",),
         ("names=[foo]",),
-        ("joint=3",),
+        ("of_output=3",),
+        ("plant=pendulum", "scenario=plain", "of_output=2"),
         ("judge=0.2",),
         ("steps=[3]",),
         ("draws=1",),
@@ -130,14 +204,20 @@ TOGETHER = {
 def invalid(count: int, seed: int) -> Iterator[tuple[str, list[str]]]:
     """`count` command lines, each a command and arguments that it has to refuse."""
     chance = random.Random(seed)
-    leaves = {command: list(_leaves(compose_job(command, []))) for command in COMMANDS}
+    chosen = {command: [(), *(LOOPS if command in OF_LOOPS else ())] for command in COMMANDS}
+    leaves = {
+        (command, how): list(_leaves(compose_job(command, [*how])))
+        for command in COMMANDS
+        for how in chosen[command]
+    }
     for _ in range(count):
         (command,) = chance.choices(COMMANDS, SHARE)
         if chance.random() < 0.25:
             yield command, list(chance.choice(TOGETHER[command]))
             continue
-        name, value = chance.choice(leaves[command])
-        yield command, [f"{name}={chance.choice(_spoiled(name, value))}"]
+        how = chance.choice(chosen[command])
+        name, value = chance.choice(leaves[command, how])
+        yield command, [*how, f"{name}={chance.choice(_spoiled(name, value))}"]
 
 
 def too_large(command: str) -> Iterator[list[str]]:
@@ -170,7 +250,7 @@ def _spoiled(name: str, value: Any) -> list[str]:
     if isinstance(value, list):
         bad = ["[nan,1]", "[1,inf]", "[true,1]", "[a,b]", "foo", "{a:1}"]
         return bad if own in _ANY_SIGN else [*bad, "[-1,1]"]
-    bad = ["nan", "inf", "-inf", "true", "foo", "[1,2,3]", "{a:1}", "1e", "''"]
+    bad = ["nan", "inf", "-inf", "true", "foo", "[1,2,3,4,5]", "{a:1}", "1e", "''"]
     if own not in _ANY_SIGN:
         bad.append("-1")
     if name in _SIZES:

@@ -20,7 +20,8 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from experiments import collect, ensemble, simulate
 from experiments.building.build import build_scenario
 from experiments.building.ensembles import composed
-from experiments.building.random_masses import random_masses, with_masses
+from experiments.building.plants import build_plant
+from experiments.building.spreads import random_rows, spreads, with_rows
 from experiments.ensembles.histogram import histogram
 from experiments.ensembles.rollouts import Rollouts, joined, read_rollouts, text_of
 from experiments.ensembles.summary import ranges, statistics, table, worst
@@ -60,26 +61,49 @@ def srmse_alone(monkeypatch: pytest.MonkeyPatch, folder: Path, place: Path) -> l
     return [srmse, [float(row["srmse_q_1"]), float(row["srmse_q_2"])]]
 
 
+def random_masses(spread: float, seed: int, first: int, count: int) -> torch.Tensor:
+    rows = {"masses": torch.tensor([0.8, 2.3], dtype=torch.float64)}
+    return random_rows(rows, {"masses": spread}, seed, first, count)["masses"]
+
+
 def test_masses_depend_on_seed_and_number_alone() -> None:
-    masses = random_masses([0.8, 2.3], 0.3, 5, 0, 2000)
-    assert torch.equal(masses[700:710], random_masses([0.8, 2.3], 0.3, 5, 700, 10))
+    masses = random_masses(0.3, 5, 0, 2000)
+    assert torch.equal(masses[700:710], random_masses(0.3, 5, 700, 10))
     factors = masses / torch.tensor([0.8, 2.3])
     assert 0.7 <= factors.min() < 0.71 and 1.29 < factors.max() <= 1.3
     assert (factors.mean(dim=0) - 1).abs().max() < 4 * 0.3 / (3 * 2000) ** 0.5
     assert abs(torch.corrcoef(factors.T)[0, 1]) < 0.1
-    assert not torch.equal(masses, random_masses([0.8, 2.3], 0.3, 6, 0, 2000))
-    assert random_masses([0.8, 2.3], 0.0, 5, 9, 2).tolist() == [[0.8, 2.3]] * 2
+    assert not torch.equal(masses, random_masses(0.3, 6, 0, 2000))
+    assert random_masses(0.0, 5, 9, 2).tolist() == [[0.8, 2.3]] * 2
+    # As it was when masses alone could be spread: ensembles of old go on with the same numbers.
+    old = [[0.9121980586134255, 2.4249184895103384], [0.6795194395787137, 2.5450751795787894]]
+    assert masses[:2].tolist() == old
+
+
+def test_every_parameter_has_numbers_of_its_own() -> None:
+    plant, parameters = build_plant({"name": "n_link_arm", "n_joints": 3, "viscous": 0.5})
+    rows = parameters._asdict()
+    spread = spreads({"viscous": 0.1, "masses": 0.2, "lengths": None}, plant)
+    assert list(spread) == ["masses", "viscous"]  # in the plant's order, whatever is said first
+    found = random_rows(rows, spread, 5, 0, 500)
+    later = random_rows(rows, spread, 5, 300, 10)
+    factors = torch.cat([found[name] / rows[name] for name in spread], dim=-1)
+    assert factors.shape == (500, 6) and len(set(factors.flatten().tolist())) == 3000
+    assert (torch.corrcoef(factors.T) - torch.eye(6)).abs().max() < 0.2
+    assert all(torch.equal(found[name][300:310], later[name]) for name in spread)
+    assert 0.89 < factors[:, 3:].min() < 0.91 and 0.79 < factors[:, :3].min() < 0.81
 
 
 @pytest.mark.parametrize("scenario", ["1", "3"])
 def test_masses_jump_and_grow_as_those_of_one_rollout(scenario: str) -> None:
     cfg = composed((f"scenario='{scenario}'",))
-    masses = random_masses(cfg.plant.masses, 0.2, 0, 0, 3)
-    many = with_masses(build_scenario(cfg), cfg, masses)
+    plant, parameters = build_plant(cfg.plant)
+    masses = random_masses(0.2, 0, 0, 3)
+    scene = build_scenario(cfg, plant, parameters)
+    many = with_rows(scene, cfg.scenario, plant, {"masses": masses})
     t = torch.tensor([0.0, 5.0, 77.0, 300.0])
     for row, own in enumerate(masses.tolist()):
-        plant = dataclasses.replace(cfg.plant, masses=own)
-        alone = build_scenario(dataclasses.replace(cfg, plant=plant))
+        alone = build_scenario(cfg, *build_plant({**cfg.plant, "masses": own}))
         assert torch.equal(many.parameters_at(t).masses[:, row], alone.parameters_at(t).masses)
         assert torch.equal(many.parameters.masses[row], alone.parameters.masses)
 
@@ -137,14 +161,14 @@ def test_neither_chunks_nor_portions_change_a_rollout(
         arguments = [*given, "--out", str(folder / out)]
         assert exit_code(monkeypatch, collect.main, *arguments) == 0
         assert (folder / out / "rollouts.csv").read_text().splitlines() == lines
-    other = [*one, "masses.spread=0.1", f"run_dir={folder / 'other'}"]
+    other = [*one, "spread.masses=0.1", f"run_dir={folder / 'other'}"]
     assert run(monkeypatch, *other) == 0
     folders.append(str(folder / "other"))
     assert exit_code(monkeypatch, collect.main, *folders, "--out", str(folder / "both")) == 0
     rows = list(csv.DictReader((folder / "both" / "rollouts.csv").read_text().splitlines()))
     names = [row["ensemble"] for row in rows]
-    assert names == ["masses.spread 0.2"] * 10 + ["masses.spread 0.1"] * 8
-    assert "## masses.spread 0.1" in (folder / "both" / "ensemble.md").read_text()
+    assert names == ["spread.masses 0.2"] * 10 + ["spread.masses 0.1"] * 8
+    assert "## spread.masses 0.1" in (folder / "both" / "ensemble.md").read_text()
 
 
 def test_finished_chunks_are_not_computed_again(
@@ -249,8 +273,8 @@ BAD = {
     "first=-1": "first = -1",
     "chunk=0": "chunk = 0",
     "workers=0": "workers = 0",
-    "masses.spread=1": "masses.spread = 1.0: must be >= 0 and < 1",
-    "masses.spread=nan": "masses.spread",
+    "spread.masses=1": "spread.masses = 1: must be >= 0 and < 1",
+    "spread.masses=nan": "spread.masses",
     "first=1048570": "draws must be >= 0 and < 1048576",
     "initial.draw=-1": "draws must be >= 0 and < 1048576",
     "initial.weights_file=nowhere.npz": "does not exist",
@@ -258,7 +282,7 @@ BAD = {
     "horizon=0": "horizon = 0",
     "plant.masses=[1]": "plant.masses",
     "draws=3": "unknown setting 'draws'",
-    "+masses.m=3": "unknown setting 'masses.m'",
+    "+spread.m=3": "unknown setting 'spread.m'",
     "controller=magic": "unknown controller",
 }
 

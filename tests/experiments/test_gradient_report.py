@@ -73,7 +73,7 @@ def test_a_report_has_every_mode_constant_and_picture(
         "names=[theta]",
         "names=[]",
         "draws=1",
-        "joint=3",
+        "of_output=3",
         "judge=0.2",
         "steps=[]",
         "steps=[0.1,-1]",

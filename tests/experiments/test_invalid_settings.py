@@ -85,12 +85,22 @@ def test_three_hundred_invalid_settings_as_commands(tmp_path: Path) -> None:
 
 
 def test_the_estimate_is_the_size_of_a_state() -> None:
-    for controller, keys in (("nn", "representation"), ("soft", "state"), ("hard", "state")):
-        plain = checked(compose_job("simulate", [f"controller={controller}", f"keys={keys}"]))
+    for controller, keys, plant in (
+        *(("nn", "representation", "two_link_arm"), ("soft", "state", "two_link_arm")),
+        *(("hard", "state", "n_link_arm"), ("hard", "state", "flexible_joint_arm")),
+    ):
+        chosen = [f"controller={controller}", f"keys={keys}", f"plant={plant}", "scenario=plain"]
+        plain = checked(compose_job("simulate", chosen))
         made = build(plain)
-        state, _ = start_of(made.loop, made.scenario, made.weights)
+        state = start_of(made.loop, made.scenario, made.weights)[0]
         numbers = sum(leaf.numel() for leaf in leaves(state))
-        assert rollout_bytes(plain) == 8 * numbers
+        assert rollout_bytes(plain, made.loop.plant) == 8 * numbers
+
+
+def test_samples_on_their_way_count_where_a_sensor_holds_many() -> None:
+    late = ["sensor.period=1e-4", "sensor.delay=9", "horizon=1", "draws=20000"]
+    with pytest.raises(ConfigError, match=r"draws = 20000: needs .* GB of memory or more"):
+        checked(compose_job("simulate", [*late, "output.sample_dt=1"]))
 
 
 def test_what_is_too_large_says_how_large_and_what_there_is() -> None:

@@ -146,7 +146,7 @@ def test_every_scenario_and_key_rule_builds_and_steps(
 
 BAD = [
     ("scenario=7", "unknown scenario '7'; choose from 1, 1_long_arm, 2"),
-    ("controller=lstm", "choose from hard, nn, reallocating_always"),
+    ("controller=lstm", "choose from hard, linear_feedback, nn, reallocating_always"),
     ("keys=foo", "unknown keys 'foo'; choose from representation, state"),
     ("solver=rk5", "unknown solver 'rk5'"),
     ("plant.masses=[-0.8,2.3]", "masses"),
@@ -164,12 +164,12 @@ BAD = [
     ("constants.error_gain=[1,2,3]", "error_gain"),
     ("constants.error_gain=[[1,2],[2,1]]", "error_gain"),
     ("constants.error_gain=fast", "error_gain"),
-    ("scenario.amplitude=[1,0,0]", "scenario.amplitude"),
-    ("scenario.mass_jumps=[[5]]", "mass_jumps"),
-    ("scenario.mass_jumps=[[5,-1]]", "mass_jumps"),
-    ("scenario.mass_jumps=[[5,sqrt(x)]]", "mass_jumps"),
-    ("scenario.mass_jumps=[7]", "mass_jumps"),
-    ("scenario.mass_jumps=[[9,2],[5,2]]", "increase"),
+    ("scenario.reference.amplitude=[1,0,0]", "scenario.reference"),
+    ("scenario.schedule.masses=[[5]]", "schedule.masses"),
+    ("scenario.schedule.masses=[[5,-1]]", "schedule.masses"),
+    ("scenario.schedule.masses=[[5,sqrt(x)]]", "schedule.masses"),
+    ("scenario.schedule.masses=[7]", "schedule.masses"),
+    ("scenario.schedule.masses=[[9,2],[5,2]]", "increase"),
     ("horizon=0", "horizon"),
     ("horizon=inf", "horizon"),
     ("draws=0", "draws"),
@@ -202,10 +202,10 @@ BAD = [
     ("solver.dt=1e-300", "steps"),
     ("output.sample_dt=1e-300", "samples"),
     ("horizon=1e300", "samples"),
-    ("scenario=3 scenario.mass_growth.period=1e-9", "period"),
-    ("scenario.mass_jumps=[{a:1,b:2}]", "mass_jumps"),
+    ("scenario=3 scenario.schedule.masses=[{every:1e-9,growth:0.2}]", "every"),
+    ("scenario.schedule.masses=[{a:1,b:2}]", "schedule.masses"),
     ("seed=${nope}", "nope"),
-    ("~plant", "PlantConfig"),
+    ("~plant", "plant has no name; choose plant=two_link_arm"),
     ("hydra.foo=1", "foo"),
     ("-m run_dir=A,B", "run_dir"),
 ]
@@ -332,7 +332,7 @@ def test_the_error_of_one_bad_job_names_the_job(
         ("solver.dtt=1e-3", "did you mean solver.dt?"),
         ("dt=1e-3", "did you mean solver.dt?"),
         ("memory.zzz=1", "unknown setting 'memory.zzz'; choose from n_slots, reset of memory"),
-        ("zzz=1", "choose from plant, keys, controller"),
+        ("zzz=1", "choose from plant, reference, controller"),
     ],
 )
 def test_a_typo_of_a_key_is_told_the_nearest_or_all(
@@ -346,15 +346,17 @@ def test_a_typo_of_a_key_is_told_the_nearest_or_all(
     assert words in err and len(err.splitlines()) == 1
 
 
-def test_mass_jumps_beyond_the_horizon_are_said(
+def test_changes_of_parameters_beyond_the_horizon_are_said(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     quiet = ["controller=nn", "output.figures=false", "output.tensorboard=false"]
-    jumps = "scenario.mass_jumps=[[0.01,2],[0.05,2],[7,2]]"
+    jumps = "scenario.schedule.masses=[[0.01,2],[0.05,2],[7,2]]"
     assert run(monkeypatch, *quiet, "horizon=0.05", jumps, f"run_dir={folder}/a") == 0
     err = capsys.readouterr().err
-    assert "warning: 2 of 3 mass jumps, the first at 0.05 s, come after the horizon" in err
-    jumps = "scenario.mass_jumps=[[0.01,2]]"
+    assert (
+        "warning: 2 of 3 changes of parameters, the first at 0.05 s, come after the horizon" in err
+    )
+    jumps = "scenario.schedule.masses=[[0.01,2]]"
     assert run(monkeypatch, *quiet, "horizon=0.05", jumps, f"run_dir={folder}/b") == 0
     assert "warning" not in capsys.readouterr().err
 
@@ -517,7 +519,7 @@ names = st.sampled_from(
         "plant.lengths",
         "draws",
         "memory.n_slots",
-        "scenario.frequency",
+        "scenario.horizon",
         "plant",
     ]
 )
@@ -528,8 +530,8 @@ names = st.sampled_from(
 def test_random_bad_values_never_raise_or_leave_a_folder(
     name: str, value: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    if (name, value) in {("horizon", "null"), ("constants.error_gain", "null")}:
-        return  # null is how `horizon` says "the scenario's own"
+    if value == "null" and name in ("horizon", "plant.masses", "plant.lengths"):
+        return  # null is how they say "the scenario's own", "the plant's own"
     folder = tmp_path_factory.mktemp("bad") / "run"
     with pytest.MonkeyPatch.context() as patch:
         assert run(patch, f"{name}={value}", f"run_dir={folder}") == 2

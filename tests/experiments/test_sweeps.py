@@ -71,7 +71,7 @@ def break_nn(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
     whole = simulate.simulate
 
     def broken(cfg: Any) -> Any:
-        if cfg.controller.name == "nn":
+        if cfg.controller["name"] == "nn":
             raise error
         return whole(cfg)
 

@@ -38,6 +38,18 @@ def test_a_scalar_moves_by_its_logarithm_and_a_matrix_as_a_whole() -> None:
     assert torch.allclose(values["error_gain"], 0.7 * controller.constant("error_gain"))
 
 
+def test_a_row_moves_number_by_number_and_keeps_its_signs() -> None:
+    controller = mt.LinearFeedback([[4.0, -2.0]], [[0.0]])
+    z = torch.log(torch.tensor([1.5, 0.5], dtype=torch.float64))
+    for form, moved in (("scalar", z[:1]), ("diagonal", z)):
+        coordinates = Coordinates(controller, ["feedback"], form)
+        assert coordinates.size == len(moved) == len(coordinates.labels)
+        value = coordinates.values(moved)["feedback"]
+        assert torch.allclose(value, moved.exp() * controller.constant("feedback"))
+    with pytest.raises(mt.ConfigError, match="can't be tuned from 0"):
+        Coordinates(controller, ["feedforward"])
+
+
 def test_full_form_reaches_any_symmetric_positive_definite_matrix() -> None:
     controller = make_controller("hard")
     coordinates = Coordinates(controller, ["error_gain"], "full")

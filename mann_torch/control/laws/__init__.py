@@ -1,8 +1,9 @@
 """Adaptive laws: how estimates move. One mechanism a file."""
 
+from ...registry import Registry
 from .gradient import GradientLaw
 from .law import Law
 
-LAWS: dict[str, type[Law]] = {"gradient": GradientLaw}
+LAWS: Registry[Law] = Registry("law", Law, {"gradient": GradientLaw})
 
 __all__ = ["LAWS", "GradientLaw", "Law"]
