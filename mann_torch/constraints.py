@@ -154,6 +154,12 @@ class DesignModule(nn.Module):
         """Raise `DomainError` if a constant has left its domain, by an optimizer's step, say."""
         for name, owner in self._owners():
             owner._domains[name].check(name, getattr(owner, name).detach())
+        for module in self.modules():
+            if isinstance(module, DesignModule):
+                module.check_together()
+
+    def check_together(self) -> None:
+        """Raise `DomainError` if constants of this very module do not go together."""
 
     def batch_shape(self) -> torch.Size:
         """Batch shape of all constants together. Raises `ShapeError` if they do not broadcast."""

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 
 import torch
 from torch import Tensor
 
 from .errors import DomainError
+from .interface import Interface
 
 
-class Domain(ABC):
+class Domain(Interface):
     """The set of values a constant may take. `event_dims` trailing dimensions form one value."""
 
     event_dims = 0

@@ -37,6 +37,12 @@ class SecondOrderBlock(NamedTuple):
         k_v = solve_small(matrix, right.unsqueeze(-1)).squeeze(-1)
         return torch.cat([f_q + gh * k_v, k_v, rest], dim=-1)
 
+    def answer(self, change: Tensor) -> Tensor:
+        """d(qdd) (..., n) to a change of the state (..., M)."""
+        n = self.damping.shape[-1]
+        q, v = change[..., :n], change[..., n : 2 * n]
+        return -(times_column(self.stiffness, q) + times_column(self.damping, v))
+
 
 class FirstOrderBlock(NamedTuple):
     """Of any plant: d(dx/dt) = jacobian dx + drift dt, where the state begins with x."""
@@ -54,6 +60,10 @@ class FirstOrderBlock(NamedTuple):
             head = head + sign * gh * self.drift
         solved = solve_small(matrix, head.unsqueeze(-1)).squeeze(-1)
         return torch.cat([solved, rest], dim=-1)
+
+    def answer(self, change: Tensor) -> Tensor:
+        """d(dx/dt) (..., L) to a change of the state (..., M)."""
+        return times_column(self.jacobian, change[..., : self.jacobian.shape[-1]])
 
 
 StiffBlock = SecondOrderBlock | FirstOrderBlock

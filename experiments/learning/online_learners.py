@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -95,7 +96,7 @@ class OnlineLearner(nn.Module):
             initial_std=cfg.initial_std,
         )
         self.cell: mt.MemoryCell | None = None
-        attentions = {
+        attentions: dict[str, Callable[[], mt.Attention]] = {
             "soft": mt.SoftAttention,
             "hard": mt.HardAttention,
             "readouts": mt.HardAttention,

@@ -27,16 +27,24 @@ class Controller(Interface, DesignModule):
     """Interface of every controller. Its contract (`mann_torch.testing.check_controller`):
 
     1. State and mode are trees of the controller's own: NamedTuples of tensors (..., *event), or
-       None. Nobody else looks into them. The state flows; the mode is what only jumps change.
+       None. Nobody else looks into them. The state flows, in float64; the mode is what only jumps
+       change.
     2. `initial_state` gives both, of the batch shape it is told, and has no random number but from
-       its generator.
+       its generator; without one it gives the same every time. It takes what `initial_weights`
+       gives; `check_weights` says their batch shape, and refuses what does not fit.
     3. `forward` gives the input (..., m), the time derivative of the state, a tree like it, and
        signals worth plotting, a NamedTuple or None. It is a function of its arguments and of the
        controller's constants alone, for any batch at once, decided by `where`, in float64.
-    4. `reference_order` says how many derivatives of the reference it asks for (`upto`).
-    5. Constants are declared with a domain: they can be set, batched, saved and tuned by name.
-    6. With a mode, `jump` gives state and mode after the decisions of one instant; a second jump at
-       the same instant changes nothing.
+       Gradients reach them all, and are finite. It runs in a loop.
+    4. `reference_order` says how many derivatives of the reference it asks for (`upto`), and
+       `check_fit` refuses plants that are not its own.
+    5. Constants are declared with a domain: they can be set, batched, saved and tuned by name. One
+       with a batch shape gives each sample its own. Other tensors are buffers.
+    6. `jump` gives state and mode after the decisions of one instant; a second jump at the same
+       instant changes nothing (relaxed decisions alone go on, by shares). The state jumps only if
+       it `reallocates`; if it `switches`, its mode is a `MemoryMode`, and `proximity` and
+       `reallocate` are there.
+    7. `input_gains` are None, or (..., m, Y) and (..., m); they may be approximate.
     """
 
     #: Derivatives of the reference that it asks for.

@@ -17,8 +17,18 @@ from ..types import Features
 class FeatureNetwork(Interface, DesignModule):
     """f^ = W' sigma(x~) + ... with adaptive weights, as `MannController` uses any of them.
 
-    Weights are a NamedTuple of the network's own, state that its update law moves; sigma are
-    `n_hidden` numbers of `n_inputs`.
+    Its contract (`mann_torch.testing.check_network`):
+
+    1. `n_inputs` I, `n_hidden` N and `n_outputs` m say its sizes.
+    2. Weights are a NamedTuple of the network's own, (..., *event). `initial_state` gives them of
+       the batch shape it is told, and has no random number but from its generator; `check_state`
+       gives that batch shape, and refuses what does not fit; `expand` gives a batch of them.
+    3. `features` gives sigma (..., N), `output` (..., m), `correction` (..., N), `magnitude` (...,)
+       >= 0, `derivative` a tree like the weights. They are functions of their arguments and of
+       declared constants alone, for any batch at once, decided by `where`, in float64. Gradients
+       reach them all.
+    4. `output` is W' hidden + what does not depend on hidden, and `correction` is W r with that W.
+    5. `input_slope` gives (..., m, n), or None; it may be approximate.
     """
 
     n_inputs: int

@@ -94,7 +94,7 @@ class AdaptiveNetwork(FeatureNetwork):
         Raises for those of the wrong shape, of a dtype but float64, or not finite, and `ShapeError`
         where their batch shapes do not broadcast.
         """
-        instance("network", state, NetworkState)
+        instance("weights", state, NetworkState)
         n_inputs, n_hidden, n_outputs = self.n_inputs, self.n_hidden, self.n_outputs
         events = [(n_hidden, n_outputs), (n_outputs,), (n_inputs, n_hidden), (n_hidden,)]
         for (name, leaf), event in zip(state._asdict().items(), events, strict=True):

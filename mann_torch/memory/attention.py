@@ -8,14 +8,26 @@ import torch
 from torch import Tensor
 
 from ..constraints import DesignModule
+from ..interface import Interface
 from ..types import Comparison, MemoryMode, Shift
 
 
-class Attention(DesignModule):
-    """Interface of every attention mechanism. A leaf is one file; nothing else is overridden.
+class Attention(Interface, DesignModule):
+    """Interface of every attention mechanism. Its contract (`mann_torch.testing.check_attention`):
 
-    A mechanism whose weights jump says so by `switches`, and overrides `distances` (and `margin`,
-    if it also resets): then its events can be located (`rollout(..., gradient="hybrid")`).
+    1. Weights (..., S) are non-negative, of sum 1, and 0 on inactive slots.
+    2. Weights and decisions are functions of the arguments and of declared constants alone, for any
+       batch at once, decided by `where`, in float64.
+    3. Slots have no order: permuted slots have permuted weights, ties aside.
+    4. Gradients reach query, keys and constants, and are finite, unused slots or not.
+    5. `decide_shift` gives None, always so without `reallocates`, or a `Shift` to one slot: bool,
+       or float64 degrees where activity is `graded`.
+    6. A mechanism whose weights jump says so by `switches`, and overrides `distances`: its weight
+       is 1 on the slot with the least of them, which is infinite for unused slots. If it also
+       resets, it overrides `margin`: >= 0 where, and only where, a reset is due. Then its events
+       can be located (`rollout(..., gradient="hybrid")`).
+
+    A leaf is one file; nothing else is overridden.
     """
 
     #: Whether `decide_shift` can ever fire; where False, a rollout skips the test.

@@ -10,10 +10,11 @@ from torch import Tensor
 from ..constraints import DesignModule, Positive
 from ..errors import ConfigError
 from ..functional import Numbers
+from ..interface import Interface
 from ..types import Comparison, MemoryState
 
 
-class KeyRule(DesignModule):
+class KeyRule(Interface, DesignModule):
     """Interface of a key rule."""
 
     @abstractmethod

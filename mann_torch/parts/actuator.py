@@ -8,7 +8,7 @@ from torch import Tensor
 from ..checks import whole
 from ..constraints import DesignModule, FiniteRow, PositiveRow
 from ..errors import ConfigError, DomainError
-from ..functional import Numbers
+from ..functional import Numbers, as_float64
 from ..types import InputGains
 
 
@@ -24,6 +24,8 @@ class Actuator(DesignModule):
     all, for a rate limit without a lag and for `limit` beside `lower` or `upper`, `DomainError`
     for constants out of range or lower > upper, `ShapeError`, `KindError`, `DtypeError`.
     """
+
+    lag: Tensor
 
     def __init__(
         self,
@@ -43,7 +45,8 @@ class Actuator(DesignModule):
         if rate_limit is not None and lag is None:
             raise ConfigError("actuator rate_limit: give a lag [s] too, whose rate it bounds")
         if limit is not None:
-            self.declare("upper", limit, PositiveRow(), (m,))
+            size = PositiveRow().check("actuator limit", as_float64(limit, "limit").detach())
+            self.declare("upper", size, PositiveRow(), (m,))
             self.declare("lower", -self.constant("upper").detach(), FiniteRow(), (m,))
         for name, value, domain in (
             ("lower", lower, FiniteRow()),
@@ -55,11 +58,13 @@ class Actuator(DesignModule):
                 self.declare(name, value, domain, (m,))
         self.check()
 
-    def check(self) -> None:
-        """Raise `DomainError` if a constant has left its domain, or lower is above upper."""
-        super().check()
+    def check_together(self) -> None:
+        """Raise `DomainError` if lower is above upper."""
         lower, upper = self._get("lower"), self._get("upper")
-        if lower is not None and upper is not None and bool((lower > upper).any()):
+        if lower is None or upper is None:
+            return
+        self.batch_shape()  # raises where they do not broadcast
+        if bool((lower > upper).any()):
             raise DomainError(f"actuator: lower {lower.tolist()} is above upper {upper.tolist()}")
 
     def _get(self, name: str) -> Tensor | None:
@@ -88,9 +93,18 @@ class Actuator(DesignModule):
             rate = torch.minimum(torch.maximum(rate, -bound), bound)
         return state, rate
 
+    def pull(self, u: Tensor, state: Tensor) -> Tensor:
+        """1/lag (..., m) [1/s], where the rate answers to u (..., m) at all: 0 at its limit."""
+        lag, bound = self.lag, self._get("rate_limit")
+        pull = (1.0 / lag).expand(u.shape)
+        if bound is None:
+            return pull
+        free = ((self.saturated(u) - state) / lag).abs() < bound
+        return torch.where(free, pull, 0.0)
+
     def passed(self, u: Tensor, gains: InputGains | None) -> InputGains | None:
-        """How what is applied answers, where u does by `gains`: nowhere beyond a limit."""
-        if gains is None or self._get("lag") is not None:
+        """How u within the limits answers, where u does by `gains`: nowhere beyond them."""
+        if gains is None:
             return None
         free = (self.saturated(u) == u).to(u.dtype)
         return InputGains(gains.measurement * free.unsqueeze(-1), gains.drift * free)

@@ -7,7 +7,7 @@ from abc import abstractmethod
 import torch
 from torch import Tensor
 
-from ..checks import whole
+from ..checks import number, whole
 from ..constraints import DesignModule, FiniteRow, PositiveRow
 from ..errors import ShapeError
 from ..functional import Numbers, as_float64, times_column
@@ -16,13 +16,16 @@ from ..types import ReferenceSample
 
 
 class ReferenceModel(Interface, DesignModule):
-    """Interface of every reference model. Its contract:
+    """Interface of every reference model. Its contract (`mann_torch.testing.check_model`):
 
     1. Its state is a tensor (..., d); it flows with the loop.
-    2. `rates` may depend on the plant's output: a closed-loop reference model.
-    3. `sample` is what the controller follows: the model's output, with `order` derivatives, and
-       the command beside it. The tracking error is that of this output.
+    2. `rates` (..., d) may depend on the plant's output: a closed-loop reference model.
+    3. `sample` is what the controller follows: the model's output (..., p), with `order`
+       derivatives in time, as state and command move, and the command beside it. The tracking error
+       is that of this output.
     4. It reads the command's value, and no more than `command_order` of its derivatives.
+    5. It is a function of its arguments and of declared constants alone, for any batch at once,
+       decided by `where`, in float64. Gradients reach them all.
     """
 
     #: Numbers of command and output, p.
@@ -76,15 +79,20 @@ class LinearModel(ReferenceModel):
         if observer_gain is not None:
             gain = as_float64(observer_gain, "observer_gain")
             self._declare("observer_gain", gain, (self.size, self.width))
-        rows = torch.zeros(self.size) if start is None else as_float64(start, "start")
+        given = [0.0] * self.size if start is None else start
+        rows = FiniteRow().check("start", as_float64(given, "start"))
         if rows.shape != (self.size,):
             raise ShapeError(f"start of shape {tuple(rows.shape)}: give {self.size} numbers")
         self.start: Tensor
-        self.register_buffer("start", rows.to(torch.float64))
+        self.register_buffer("start", rows.detach())
 
     @classmethod
     def first_order(cls, rate: float, gain: float = 1.0, start: float = 0.0) -> LinearModel:
-        """x_m' = -rate x_m + rate gain r, of one output: gain rate/(s + rate)."""
+        """x_m' = -rate x_m + rate gain r, of one output: gain rate/(s + rate).
+
+        Raises `ConfigError` or `KindError`.
+        """
+        rate, gain, start = number("rate", rate), number("gain", gain), number("start", start)
         return cls([[-rate]], [[rate * gain]], start=[start])
 
     def _declare(self, name: str, value: Tensor, shape: tuple[int, int]) -> None:

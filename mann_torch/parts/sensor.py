@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from ..checks import NONNEGATIVE, POSITIVE, maybe, number
-from ..constraints import PositiveRow
-from ..errors import ConfigError
+from ..constraints import DesignModule, PositiveRow
+from ..errors import ConfigError, ShapeError
 from ..functional import Numbers, as_float64
 from ..types import SensorState
 
 
-class Sensor(nn.Module):
+class Sensor(DesignModule):
     """A sampling sensor: what it sees at an instant is rounded, and comes out `delay` [s] later.
 
     `period` [s] is the time between samples, from t = 0 on; a clock's if not given. Between them
     the last one holds. `delay` is a whole number of periods: that many samples are on their way,
     and until the first has come, it is the one at t = 0. `quantum` (Y,), or one number, is the step
-    of the readings, in the measurement's units; its gradient is that of the number before rounding,
-    the mean slope of the stairs. Noise is a scenario's (`MeasurementNoise`): it is added before.
+    of the readings, in the measurement's units, and a constant; the gradient of a reading is that
+    of the number before rounding, the mean slope of the stairs, and the step has none. Noise is a
+    scenario's (`MeasurementNoise`): it is added before.
 
-    Raises `ConfigError`, `DomainError`, `KindError` or `DtypeError`.
+    Raises `ConfigError`, `DomainError`, `ShapeError`, `KindError` or `DtypeError`.
     """
 
     def __init__(
@@ -33,11 +34,19 @@ class Sensor(nn.Module):
         super().__init__()
         self.period = maybe("sensor period", period, POSITIVE)
         self.delay = number("sensor delay", delay, NONNEGATIVE)
-        self.quantum: Tensor | None
-        rows = None
+        self.quantum: Tensor
         if quantum is not None:
-            rows = PositiveRow().check("sensor quantum", as_float64(quantum, "sensor quantum"))
-        self.register_buffer("quantum", rows)
+            row = as_float64(quantum, "quantum")
+            width = row.shape[-1] if row.dim() else 1
+            self.declare("quantum", row, PositiveRow(), (width,))
+
+    def check_fit(self, n_measured: int) -> None:
+        """Raise `ShapeError` unless there is one quantum, or one for each number measured."""
+        if "quantum" in self.domains() and self.quantum.shape[-1] not in (1, n_measured):
+            raise ShapeError(
+                f"sensor quantum has {self.quantum.shape[-1]} numbers: give one, or one for each "
+                f"of the {n_measured} that are measured"
+            )
 
     def samples(self, clock_period: float | None) -> tuple[float, int]:
         """Time between samples [s], and how many are on their way. Raises `ConfigError`."""
@@ -60,10 +69,11 @@ class Sensor(nn.Module):
 
     def read(self, seen: Tensor) -> Tensor:
         """Readings (..., Y) of what is seen."""
-        if self.quantum is None:
+        if "quantum" not in self.domains():
             return seen
-        rounded = torch.round(seen.detach() / self.quantum) * self.quantum
-        return seen + (rounded - seen).detach()
+        step, still = self.quantum.detach(), seen.detach()
+        # The difference is 0 and has the slope 1: a reading is a multiple to the last bit.
+        return torch.round(still / step) * step + (seen - still)
 
     def forward(self, seen: Tensor, state: SensorState) -> SensorState:
         """The state after a sample of what is seen (..., Y)."""

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 import torch
 from torch import Tensor, nn
 
-from ..checks import wrong
+from ..checks import sizes, text, whole, wrong
 from ..domains import Domain
 from ..errors import ConfigError, ShapeError
 from ..functional import Numbers, as_float64
@@ -148,10 +148,11 @@ class Plant(Interface, nn.Module):
 
 
 def zeros(*widths: int) -> tuple[Tensor, ...]:
-    """Rows of 0, for a plant at rest."""
-    return tuple(torch.zeros(width, dtype=torch.float64) for width in widths)
+    """Rows of 0, for a plant at rest. Raises `KindError`."""
+    return tuple(torch.zeros(n, dtype=torch.float64) for n in sizes("widths", widths))
 
 
 def channels(prefix: str, count: int, unit: str) -> tuple[Channel, ...]:
-    """`count` channels, numbered from 1."""
-    return tuple(Channel(f"{prefix}_{i + 1}", unit) for i in range(count))
+    """`count` channels, numbered from 1. Raises `KindError`, `ConfigError`."""
+    prefix, unit = text("prefix", prefix), text("unit", unit)
+    return tuple(Channel(f"{prefix}_{i + 1}", unit) for i in range(whole("count", count)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import torch
@@ -15,10 +16,10 @@ from ..errors import ConfigError, ShapeError
 from ..parts import Actuator, Clock, ReferenceModel, Sensor
 from ..plants import Plant
 from ..signals import Forces, Outside
-from ..stiff import StiffBlock
 from ..trees import leaves, map_tensors
 from ..types import ControlOutput, LoopMode, LoopState, Proximity, ReferenceSample
 from .conditions import Conditions
+from .lagged import AnyBlock, Lag, lagged
 
 
 class Observation(NamedTuple):
@@ -172,7 +173,7 @@ class ClosedLoop(DesignModule):
         mode: LoopMode,
         here: Conditions,
         linearize: bool = False,
-    ) -> tuple[LoopState, StiffBlock | None]:
+    ) -> tuple[LoopState, AnyBlock | None]:
         """Time derivative of the state; with `linearize`, also the stiff block, if there is one."""
         outside = here.within(t)
         forces, gains = outside.forces, None
@@ -193,8 +194,11 @@ class ClosedLoop(DesignModule):
         applied, d_actuator = self._applied(u, state, forces)
         wind = None if forces is None else forces.plant
         given = (t, state.plant, self.plant.grouped(applied), wind, here.coefficients)
-        block = None
-        if linearize:
+        block: AnyBlock | None = None
+        if linearize and self.actuator is not None and d_actuator is not None:
+            lag = Lag(self.actuator.pull(u, state.actuator), gains)
+            d_plant, block = lagged(partial(self.plant.linearized, *given), lag, state.model)
+        elif linearize:
             d_plant, block = self.plant.linearized(*given, gains)
         else:
             d_plant = self.plant.derivative(*given)

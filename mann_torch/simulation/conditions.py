@@ -44,11 +44,13 @@ class Conditions(NamedTuple):
         return self.signals(t)
 
 
-#: By how much of a step a span is shorter, at each end.
-SHY = 1e-9
+#: By how much of a step a span is shorter, at each end; and at least, of the time itself: rounding
+#: of a jump's time must not put it on the other side.
+SHY, ROUNDING = 1e-9, 2.0**-50
 
 
 def spans_of(times: Tensor) -> Span:
     """Of all steps of a grid (T + 1,) [s], each (T,)."""
-    shy = SHY * times.diff()
+    sizes = times.diff()
+    shy = torch.minimum(torch.maximum(SHY * sizes, ROUNDING * times[1:]), 0.25 * sizes)
     return Span(times[:-1] + shy, times[1:] - shy)

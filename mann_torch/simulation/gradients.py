@@ -35,7 +35,8 @@ def check_gradient(
             f"gradient = 'hybrid': events are located in steps of the implicit solver, not of "
             f"{solver.name}"
         )
-    if loop is not None and loop.samples and locates_events(gradient, loop):
+    samples = loop is not None and instance("loop", loop, ClosedLoop).samples
+    if loop is not None and samples and locates_events(gradient, loop):
         raise ConfigError(
             "gradient = 'hybrid': with a clock or a sensor that samples, decisions fall on ticks, "
             "without a time of their own: take 'plain'"

@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from ..control import Controller
 from ..errors import ConfigError, ShapeError
 from ..functional import as_float64
-from ..signals import Surroundings
+from ..signals import Surroundings, noise_at
 from ..trees import leaves, map_tensors
 from ..types import LoopMode, LoopState
 from .closed_loop import ClosedLoop
@@ -73,6 +73,8 @@ def start_of(
     surroundings = scenario.surroundings.expand(batch)
     here = Conditions(surroundings, coefficients_of(loop, scenario, batch, t))
     outside = here.signals(t)
+    widths = [part.shape[-1] for part in plant.measure(start, here.coefficients)]
+    _check_measured(loop, scenario, sum(widths))
     model = None
     if loop.model is not None:
         y = plant.output(start, here.coefficients)
@@ -82,7 +84,12 @@ def start_of(
     if loop.sensor is not None:
         period = None if loop.clock is None else loop.clock.period
         count = loop.sensor.samples(period)[1]
-        flat = torch.cat(list(seen), dim=-1)
+        if scenario.noise is not None:  # what is on its way is the sample at t = 0, noise and all
+            first = noise_at(scenario.noise.expand(batch).table(widths, 1), torch.tensor(0))
+            noisy = loop.seen(state, here._replace(noise=first), outside.forces)
+        else:
+            noisy = seen
+        flat = torch.cat(list(noisy), dim=-1)
         mode = mode._replace(sensor=loop.sensor.initial_state(flat, count))
     sample = loop.followed(outside, state, here)
     measured = loop.measured(state, mode, here, outside.forces)
@@ -140,14 +147,23 @@ def _check_sizes(loop: ClosedLoop, scenario: Scenario) -> None:
             raise ShapeError(f"start has {given} numbers a field: the plant's state has {sizes}")
     if scenario.disturbance is None:
         return
-    widths = scenario.disturbance.widths()
-    measured = None  # found when it is measured
     wanted = {"input": len(plant.inputs), "state": sum(sizes), "plant": len(plant.disturbances)}
-    for name, width in widths.items():
-        if wanted.get(name, measured) not in (None, width):
+    for name, width in scenario.disturbance.widths().items():
+        if wanted.get(name, width) != width:
             raise ShapeError(
                 f"disturbance on {name} has {width} numbers: the plant takes {wanted[name]}"
             )
+
+
+def _check_measured(loop: ClosedLoop, scenario: Scenario, width: int) -> None:
+    """Raise `ShapeError` for a disturbance or a sensor of another width than what is measured."""
+    if loop.sensor is not None:
+        loop.sensor.check_fit(width)
+    given = {} if scenario.disturbance is None else scenario.disturbance.widths()
+    if given.get("output", width) != width:
+        raise ShapeError(
+            f"disturbance on output has {given['output']} numbers: {width} are measured"
+        )
 
 
 def _check_answer(loop: ClosedLoop, state: LoopState, mode: LoopMode, here: Conditions) -> None:

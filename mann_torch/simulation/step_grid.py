@@ -38,6 +38,10 @@ def _check_interval(name: str, value: float, end: float = 0.0) -> None:
 
 def _merged(starts: Tensor, instants: Tensor) -> Tensor:
     """Sorted times of both; of those within `MERGE` of each other, the one in `starts`."""
+    instants = instants.sort().values
+    apart = torch.ones_like(instants, dtype=torch.bool)
+    apart[1:] = instants.diff() > MERGE  # 0.3 and 3 * 0.1 are one instant
+    instants = instants[apart]
     place = torch.searchsorted(starts, instants)
     padded = torch.cat([starts.new_tensor([-torch.inf]), starts, starts.new_tensor([torch.inf])])
     gap = torch.minimum(instants - padded[place], padded[place + 1] - instants)

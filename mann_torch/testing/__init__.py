@@ -1,6 +1,19 @@
 """Contracts that a part of one's own must keep, as checks that say what to mend."""
 
+from .attentions import check_attention
+from .controllers import check_controller
+from .laws import check_law
+from .models import check_model
+from .networks import check_network
 from .plants import check_plant
 from .references import check_reference
 
-__all__ = ["check_plant", "check_reference"]
+__all__ = [
+    "check_attention",
+    "check_controller",
+    "check_law",
+    "check_model",
+    "check_network",
+    "check_plant",
+    "check_reference",
+]

@@ -11,7 +11,9 @@ from torch import Tensor
 from ..functional import times_column
 from ..plants import MechanicalPlant
 from ..types import PlantState
-from .plant_bench import ROUNDING, SAMPLES, Bench, apart, called
+from .forms import called
+from .functions import ROUNDING, SAMPLES, apart
+from .plant_bench import Bench
 from .telling import broken
 
 #: Lines of the contract of `MechanicalPlant`.

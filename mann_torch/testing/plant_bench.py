@@ -3,50 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
 from ..checks import wrong
-from ..errors import InterfaceError, ShapeError
+from ..errors import ShapeError
 from ..functional import Numbers, as_float64
 from ..plants import Plant
 from ..trees import leaves, map_tensors, rebuilt
-from .telling import broken, said
-
-SAMPLES = 8
-#: Of the largest number in question: what rounding may do to equal numbers.
-ROUNDING = 1e-12
-
-Result = TypeVar("Result")
-
-
-def called(part: object, line: int | str, what: str, function: Callable[[], Result]) -> Result:
-    """The function's result; whatever it raises becomes an `InterfaceError` that says `what`."""
-    try:
-        return function()
-    except InterfaceError:
-        raise
-    except Exception as error:
-        raise broken(part, line, f"{what} fails", said(error)) from error
-
-
-def is_tree(value: Any) -> bool:
-    """Whether it is a NamedTuple of tensors, None and the like of it."""
-    if isinstance(value, Tensor) or value is None:
-        return True
-    return isinstance(value, tuple) and hasattr(value, "_fields") and all(map(is_tree, value))
-
-
-def apart(one: Sequence[Tensor], other: Sequence[Tensor]) -> float:
-    """Largest difference, of the largest number, or 1; inf where one is no number."""
-    worst = 0.0
-    for a, b in zip(one, other, strict=True):
-        scale = max(1.0, float(a.abs().max()), float(b.abs().max()))
-        gap = float((a - b).abs().max())
-        worst = max(worst, gap / scale if gap == gap else float("inf"))
-    return worst
+from .forms import called, is_tree
+from .functions import SAMPLES
+from .telling import broken
 
 
 class Bench(NamedTuple):

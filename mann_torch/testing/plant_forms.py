@@ -10,7 +10,9 @@ from torch import Tensor
 from ..plants import Field, Plant
 from ..trees import leaves
 from ..types import Channel
-from .plant_bench import SAMPLES, Bench, called, is_tree
+from .forms import called, is_tree
+from .functions import SAMPLES
+from .plant_bench import Bench
 from .telling import broken
 
 

@@ -11,10 +11,12 @@ from torch import Tensor
 from ..checks import instance
 from ..plants import MechanicalPlant, Plant
 from ..stiff import FirstOrderBlock, SecondOrderBlock, StiffBlock
-from ..trees import leaves
+from ..trees import leaves, rebuilt
 from ..types import InputGains
+from .forms import called
+from .functions import ROUNDING, SAMPLES, Tried, apart, check_batch, check_mapped, check_pure
 from .mechanical_plants import check_forces, check_physics
-from .plant_bench import ROUNDING, SAMPLES, Bench, apart, bench, called
+from .plant_bench import Bench, bench
 from .plant_forms import check_forms, check_names, check_rest
 from .plant_gradients import check_gradients
 from .telling import broken
@@ -39,92 +41,36 @@ def check_plant(plant: Plant, parameters: Any = None, states: Any = None) -> Non
     if isinstance(plant, MechanicalPlant):
         check_forces(tried)
     check_forms(tried)
-    _check_purity(tried)
-    _check_batch(tried)
-    _check_transformed(tried)
+    _check_function(tried)
     check_gradients(tried)
     _check_linearized(tried)
     if isinstance(plant, MechanicalPlant):
         check_physics(tried)
 
 
-def _check_purity(b: Bench) -> None:
-    """Same arguments, same bits; nothing is written to."""
-    plant, given = b.plant, [argument.clone() for argument in b.arguments()]
-    held = {name: tensor.clone() for name, tensor in _tensors(plant).items()}
-    first = [leaf.clone() for leaf in leaves(b.derivative())]
-    if not all(map(torch.equal, given, b.arguments())):
-        raise broken(plant, 3, "derivative writes into its arguments", "compute new tensors")
+def _check_function(b: Bench) -> None:
+    """The derivative is a function of its arguments alone, of any batch."""
     count = len(leaves(b.state))
-    b.of([x + 0.1 if i < count else x for i, x in enumerate(given)]).derivative()
-    second = leaves(b.derivative())
-    for name, tensor in _tensors(plant).items():
-        if name not in held or not torch.equal(tensor, held[name]):
-            raise broken(
-                plant, 3, f"derivative changes {name}", "what changes is state, not module"
-            )
-    if not all(map(torch.equal, first, second)):
-        raise broken(
-            plant,
-            3,
-            "derivative gives other numbers for the same arguments",
-            "it must depend on its arguments alone: no random numbers, nothing kept between calls",
-        )
 
+    def rates(plant: Plant, given: list[Tensor]) -> list[Tensor]:
+        return leaves(b.of(given[1:])._replace(t=given[0]).derivative())
 
-def _tensors(plant: Plant) -> dict[str, Tensor]:
-    """Parameters and buffers of the module by name."""
-    return {**dict(plant.named_parameters()), **dict(plant.named_buffers())}
+    tried = Tried(b.plant, 3, "derivative", rates, [b.t, *b.arguments()])
+    check_pure(tried)
+    check_batch(tried)
+    # Held, as in a step: they are computed once, outside it.
+    c = b.sample(0).coefficients
 
-
-def _check_batch(b: Bench) -> None:
-    """A sample of a batch is what it is alone, and batches may have several dimensions."""
-    together = leaves(b.derivative())
-    for i in range(SAMPLES):
-        alone = leaves(called(b.plant, 3, "derivative of a single state", b.sample(i).derivative))
-        row = [leaf[i] for leaf in together]
-        if any(a.shape != r.shape for a, r in zip(alone, row, strict=True)):
-            raise broken(
-                b.plant, 3, "derivative of a single state is no row", "allow no batch at all"
-            )
-        if apart(alone, row) > ROUNDING:
-            raise broken(
-                b.plant,
-                3,
-                f"sample {i} of a batch has another derivative than the same state alone",
-                "samples must not mix: work along the last dimensions only",
-            )
-    folded = b.of([x.unflatten(0, (2, -1)) for x in b.arguments()])
-    folded = folded._replace(t=b.t.unflatten(0, (2, -1)))
-    grid = leaves(called(b.plant, 3, "derivative of a batch (2, 4)", folded.derivative))
-    if apart([x.flatten(0, 1) for x in grid], together) > ROUNDING:
-        raise broken(
-            b.plant, 3, "a batch (2, 4) has another derivative", "count dimensions from last"
-        )
-
-
-def _check_transformed(b: Bench) -> None:
-    """No decision on values in Python: those cannot be traced, nor mapped over."""
-    one = b.sample(0)
-    c, count = one.coefficients, len(leaves(b.state))
-
-    def rate(t: Tensor, *given: Tensor) -> tuple[Tensor, ...]:
-        of = one.of([*given[: count + 1], *leaves(one.parameters), *given[count + 1 :]])
-        u = b.plant.grouped(of.u)
-        return tuple(leaves(b.plant.derivative(t, of.state, u, of.disturbance, c)))
+    def under(plant: Plant, given: list[Tensor]) -> list[Tensor]:
+        t, *rest = given
+        state = rebuilt(b.state, rest[:count])
+        u, rest = rest[count], rest[count + 1 :]
+        wind = rest.pop(0) if b.disturbance is not None else None
+        return leaves(plant.derivative(t, state, plant.grouped(u), wind, c))
 
     wind = [] if b.disturbance is None else [b.disturbance]
-    moved = [*leaves(b.state), b.u, *wind]
-    mapped = called(
-        b.plant,
-        3,
-        "derivative under torch.func.vmap (decide by torch.where, without .item() or bool())",
-        lambda: torch.func.vmap(rate)(b.t, *moved),
-    )
-    for i in range(SAMPLES):
-        alone = rate(b.t[i], *[x[i] for x in moved])
-        if apart([leaf[i] for leaf in mapped], alone) > ROUNDING:
-            raise broken(b.plant, 3, "derivative differs under torch.func.vmap", "use torch.where")
+    moved = [b.t, *leaves(b.state), b.u, *wind]
+    check_mapped(Tried(b.plant, 3, "derivative", under, moved))
 
 
 def _check_linearized(b: Bench) -> None:

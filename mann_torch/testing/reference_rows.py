@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from ..signals import Reference, Rows
+from .forms import has_tensor
 from .telling import broken
 
 #: How many numbers of its rows are tried as times.
@@ -20,7 +21,7 @@ def check_registered(reference: Reference) -> None:
     for path, module in reference.named_modules():
         held = module.held() if isinstance(module, Rows) else {}
         for name, value in _attributes(module):
-            if name not in held and _has_tensor(value):
+            if name not in held and has_tensor(value):
                 raise broken(
                     reference,
                     1,
@@ -39,16 +40,6 @@ def _attributes(module: nn.Module) -> Iterator[tuple[str, Any]]:
             yield from value.items()
         elif name != "_modules":
             yield name, value
-
-
-def _has_tensor(value: Any) -> bool:
-    if isinstance(value, Tensor):
-        return True
-    if isinstance(value, Mapping):
-        value = value.values()
-    elif not isinstance(value, list | tuple | set):
-        return False
-    return any(map(_has_tensor, value))
 
 
 def _rows(reference: Reference) -> Iterable[tuple[str, Rows, str, Tensor]]:

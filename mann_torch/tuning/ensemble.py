@@ -55,7 +55,7 @@ class Ensemble:
 
     loop: ClosedLoop
     scenario: Scenario
-    weights: Any  # initial adaptive weights, as the controller gives them; None: its own
+    weights: Any | None  # initial adaptive weights, as the controller gives them; None: its own
     solver: Solver
     #: Constants that a member has of its own, (B, *event); what is tuned comes before them.
     own: Mapping[str, Tensor] = dataclasses.field(default_factory=dict)
@@ -66,6 +66,7 @@ class Ensemble:
     def __post_init__(self) -> None:
         instance("loop", self.loop, ClosedLoop)
         instance("scenario", self.scenario, Scenario)
+        self.loop.controller.check_weights(self.weights)
         instance("solver", self.solver, Solver)
         named("own", self.own, Tensor)
         maybe("effort_after", self.effort_after, NONNEGATIVE)

@@ -5,6 +5,7 @@ import torch
 
 import mann_torch as mt
 from mann_torch.memory import ATTENTIONS, KEY_RULES
+from mann_torch.testing import check_attention
 from mann_torch.trees import leaves, map_tensors
 from mann_torch.types import MemoryState
 from tests.conftest import ATTENTION_MAKERS, make_attention, randn
@@ -43,12 +44,8 @@ def setup(attention: str, rule: str) -> tuple[mt.WorkingMemory, tuple]:
 
 
 @pairs
-def test_weights_are_a_distribution_over_active_slots(attention: str, rule: str) -> None:
-    memory, arguments = setup(attention, rule)
-    weights = memory(*arguments).weights
-    assert bool((weights >= 0).all())
-    torch.testing.assert_close(weights.sum(-1), torch.ones(B).double(), rtol=0, atol=1e-14)
-    assert bool((weights[arguments[-1].active == 0] == 0).all())
+def test_the_attention_keeps_its_contract(attention: str, rule: str) -> None:
+    check_attention(make_attention(attention), KEY_RULES[rule]())
 
 
 @pairs

@@ -14,6 +14,8 @@ INNER = {"euler": 2e-5, "implicit_adams": 1e-4}
 def make_solver(name: str, dt: float = 5e-3) -> mt.Solver:
     if name == "implicit":
         return mt.Implicit(dt / 5)
+    if name == "runge_kutta":
+        return mt.RungeKutta(dt / 20)
     rtol = 1e-5 if name == "adaptive_heun" else 1e-7
     return mt.Odeint(name, dt, rtol=rtol, atol=1e-2 * rtol, max_step=INNER.get(name, 2e-4))
 

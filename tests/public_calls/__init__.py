@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from tests.public_calls import (
+    of_control,
+    of_loop,
     of_memory,
     of_parts,
     of_plants,
@@ -14,6 +16,8 @@ from tests.public_calls.things import Call
 
 #: What can be called with arguments, by its public name.
 CALLS: dict[str, Call] = {
+    **of_control.CALLS,
+    **of_loop.CALLS,
     **of_memory.CALLS,
     **of_parts.CALLS,
     **of_plants.CALLS,

@@ -8,6 +8,7 @@ import torch
 
 import mann_torch as mt
 from mann_torch import memory
+from mann_torch.testing import check_attention
 from tests.conftest import randn
 from tests.public_calls.things import LOOP, Call
 
@@ -101,6 +102,10 @@ CALLS: dict[str, Call] = {
     ),
     "reallocation_log": (lambda trace: memory.reallocation_log(trace, 1), {"trace": TRACE}),
     "MemoryTrace.member": (lambda index: member(index), {"index": 1}),
+    "check_attention": (
+        check_attention,
+        {"attention": mt.HardAttention(), "key_rule": mt.StateKeys()},
+    ),
     "relaxed": (mt.relaxed, {"module": LOOP, "temperature": 0.1}),
     "memory_figure": (
         mt.memory_figure,

@@ -28,6 +28,8 @@ CALLS: dict[str, Call] = {
             "rate_V": 10.0,
             "e_modification": 0.0,
             "initial_std": 0.1,
+            "network": None,
+            "inputs": None,
         },
     ),
     "AdaptiveNetwork": (

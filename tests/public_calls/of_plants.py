@@ -24,6 +24,8 @@ CALLS: dict[str, Call] = {
         plants.LinearPlant.from_transfer_function,
         {**SECOND_ORDER, "measured": "output"},
     ),
+    "channels": (plants.channels, {"prefix": "q", "count": 2, "unit": "rad"}),
+    "zeros": (lambda widths: plants.zeros(widths), {"widths": 2}),
     "controllable_form": (plants.controllable_form, SECOND_ORDER),
     "RohrsPlant": (plants.RohrsPlant, {"fast_poles": True}),
     "lumped": (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import mann_torch as mt
-from mann_torch import simulation
+from mann_torch import parts, signals, simulation
 from tests.conftest import generator
 from tests.public_calls.things import (
     BATCH,
@@ -17,10 +17,16 @@ from tests.public_calls.things import (
     Call,
 )
 
+LOOPS_OWN = {
+    "actuator": parts.Actuator(2, limit=10.0),
+    "sensor": parts.Sensor(quantum=0.01),
+    "clock": parts.Clock(0.01),
+    "model": parts.SecondOrderModel(2, 3.0),
+}
 TRACK = {"after": 0.01, "trajectory": RUN}
 
 CALLS: dict[str, Call] = {
-    "ClosedLoop": (mt.ClosedLoop, {"plant": LOOP.plant, "controller": CONTROLLER}),
+    "ClosedLoop": (mt.ClosedLoop, {"plant": LOOP.plant, "controller": CONTROLLER, **LOOPS_OWN}),
     "Scenario": (
         mt.Scenario,
         {
@@ -30,12 +36,14 @@ CALLS: dict[str, Call] = {
             "schedule": {},
             "start": mt.TwoLinkArm().rest(),
             "noise": NOISE,
+            "disturbance": signals.Disturbance(input=SCENARIO.reference),
             "name": "mine",
         },
     ),
     "Scenario.stack": (mt.Scenario.stack, {"scenarios": [SCENARIO], "name": "mine"}),
     "Scenario.select": (BATCH.select, {"members": [0]}),
     "Implicit": (mt.Implicit, {"dt": 4e-3, "compile": False, "follow_reference": True}),
+    "RungeKutta": (mt.RungeKutta, {"dt": 1e-3, "compile": False}),
     "Odeint": (
         mt.Odeint,
         {
@@ -86,7 +94,7 @@ CALLS: dict[str, Call] = {
     ),
     "check_gradient": (
         simulation.check_gradient,
-        {"gradient": "soft", "solver": SOLVER, "temperature": 0.1},
+        {"gradient": "soft", "solver": SOLVER, "temperature": 0.1, "loop": LOOP},
     ),
     "srmse": (mt.srmse, TRACK),
     **{

@@ -19,5 +19,5 @@ CONTROLLER = LOOP.controller
 NETWORK = CONTROLLER.initial_weights((2,), generator())
 NOISE = mt.MeasurementNoise([0.1, 0.1], [0, 1])
 RUN = mt.rollout(LOOP, SCENARIO, weights=NETWORK, engine="torch", effort_after=0.0)
-ROLLOUT = {"loop": LOOP, "scenario": SCENARIO, "solver": SOLVER, "network": NETWORK}
+ROLLOUT = {"loop": LOOP, "scenario": SCENARIO, "solver": SOLVER, "weights": NETWORK}
 BATCH = mt.Scenario.stack([SCENARIO, SCENARIO])

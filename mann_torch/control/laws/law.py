@@ -19,10 +19,12 @@ class Law(Interface, DesignModule):
 
     1. phi (..., N) is the regressor, s (..., m) the error that drives, a column's own. A matrix of
        estimates moves as its columns would alone.
-    2. State is a tree of the law's own, or None; it flows. Nothing is kept between calls.
-    3. It is a function of its arguments and of declared constants, for any batch at once.
-    4. Without an error and without a state of its own, estimates stand still, unless the law says
-       that they decay.
+    2. State is a tree of the law's own, NamedTuples of tensors (..., *event), or None. It starts
+       the same every time, and flows: d state/dt is a tree like it.
+    3. It is a function of its arguments and of declared constants alone, for any batch at once,
+       decided by `where`, in float64. Gradients reach them all. Nothing is kept between calls.
+    4. Without an error, and with its state at t = 0, estimates stand still, unless the law says by
+       `decays` that they move towards 0.
     """
 
     #: Whether estimates move towards 0 where nothing drives them (sigma-modification).

@@ -9,11 +9,11 @@ import torch
 from torch import Tensor
 
 from ...functional import pick
-from ...stiff import StiffBlock
 from ...trees import Packer, map_tensors
 from ...types import LoopMode, LoopState
 from ..closed_loop import ClosedLoop
 from ..conditions import Conditions
+from ..lagged import AnyBlock
 
 
 def flat_rates(
@@ -24,7 +24,7 @@ def flat_rates(
     mode: LoopMode,
     here: Conditions,
     linearize: bool,
-) -> tuple[Tensor, StiffBlock | None]:
+) -> tuple[Tensor, AnyBlock | None]:
     """dy/dt (..., M), and the stiff block if asked for."""
     rate, block = loop.flow(t, packer.unpack(y), mode, here, linearize)
     return packer.pack(rate), block
@@ -48,7 +48,7 @@ class FlatFlow:
     def __call__(self, t: Tensor, y: Tensor) -> Tensor:
         return self._hold(self._rates(t, y, *self._frozen, False)[0])
 
-    def linearized(self, t: Tensor, y: Tensor) -> tuple[Tensor, StiffBlock | None]:
+    def linearized(self, t: Tensor, y: Tensor) -> tuple[Tensor, AnyBlock | None]:
         rate, block = self._rates(t, y, *self._frozen, True)
         return self._hold(rate), map_tensors(self._hold, block)
 

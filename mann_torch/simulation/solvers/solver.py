@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from typing import Protocol
 
 from torch import Tensor
 
 from ...checks import POSITIVE, flag, number
-from ...stiff import StiffBlock
+from ...interface import Interface
+from ..lagged import AnyBlock
 
 
 class Flow(Protocol):
@@ -17,11 +18,11 @@ class Flow(Protocol):
     def __call__(self, t: Tensor, y: Tensor) -> Tensor:
         """dy/dt (..., M)."""
 
-    def linearized(self, t: Tensor, y: Tensor) -> tuple[Tensor, StiffBlock | None]:
+    def linearized(self, t: Tensor, y: Tensor) -> tuple[Tensor, AnyBlock | None]:
         """dy/dt (..., M) and the stiff block of the plant's state, None where nothing is stiff."""
 
 
-class Solver(ABC):
+class Solver(Interface):
     """Interface of every solver. `dt` [s] is the step, and the interval of decisions.
 
     With `compile`, the rollout runs what `fuses_step` says through `torch.compile`.

@@ -1,0 +1,48 @@
+"""An interface names what a part of one's own forgot, and what it is for."""
+
+from __future__ import annotations
+
+import pytest
+
+from mann_torch import control, memory, parts, plants, signals, simulation
+from mann_torch.domains import Domain
+from mann_torch.errors import InterfaceError
+from mann_torch.interface import Interface
+
+#: Each interface, one of its methods, and a word of what that is for.
+INTERFACES: dict[type, tuple[str, str]] = {
+    plants.Plant: ("derivative", "derivative of the state"),
+    plants.MechanicalPlant: ("mass_matrix", r"M\(q\)"),
+    signals.Reference: ("at", "derivatives"),
+    control.Controller: ("forward", r"Input \(\.\.\., m\)"),
+    control.Law: ("forward", "d theta/dt"),
+    control.FeatureNetwork: ("features", "Features sigma"),
+    control.NetworkInputs: ("forward", "x~"),
+    memory.Attention: ("decide_shift", "reset a slot"),
+    memory.KeyRule: ("fresh_keys", "written anew"),
+    parts.ReferenceModel: ("rates", "Time derivative"),
+    simulation.Solver: ("step", r"y\(t \+ h\)"),
+    Domain: ("contains", "lies in the domain"),
+}
+every = pytest.mark.parametrize("interface", INTERFACES, ids=lambda kind: kind.__name__)
+
+
+@every
+def test_a_class_without_its_methods_is_not_made(interface: type) -> None:
+    method, purpose = INTERFACES[interface]
+    mine = type("Mine", (interface,), {})
+    with pytest.raises(InterfaceError, match=rf"^Mine lacks .*\b{method}\b.*{purpose}"):
+        mine()
+
+
+@every
+def test_the_one_that_is_forgotten_is_named_alone(interface: type) -> None:
+    method, _ = INTERFACES[interface]
+    rest = dict.fromkeys(interface.__abstractmethods__ - {method}, lambda self: None)
+    with pytest.raises(InterfaceError, match=rf"^Mine lacks {method} \({method}: "):
+        type("Mine", (interface,), rest)()
+
+
+def test_no_interface_of_the_library_is_left_out() -> None:
+    kinds = set(Interface.__subclasses__())
+    assert {kind for kind in kinds if kind.__module__.startswith("mann_torch")} <= set(INTERFACES)
