@@ -15,7 +15,7 @@ from experiments.command.conf_files import group_names
 from mann_torch.types import MemoryState, NetworkState
 from tests.conftest import randn
 
-SCENARIOS = tuple(group_names("scenario"))
+SCENARIOS = tuple(name for name in group_names("scenario") if name != "plain")
 CONTROLLERS = {
     "nn": ("controller=nn",),
     **{
@@ -50,7 +50,7 @@ def side(
     given = [*CONTROLLERS[name.removesuffix(APART)], f"draws={draws}"]
     given += [] if horizon is None else [f"horizon={horizon}"]
     parts = [build(composed((f"scenario='{s}'", *given))) for s in scenarios]
-    scenario, network, own = side_by_side(parts)
+    scenario, network, own = side_by_side(parts, draws)
     loop = parts[0].loop
     loop.controller.initialize(**own)
     if name.endswith(APART):
@@ -58,4 +58,4 @@ def side(
         assert memory is not None
         mu, keys = memory.initial_mu.shape, memory.initial_keys.shape
         memory.store_(MemoryState(0.4 + 0.2 * randn(*mu, seed=2), 0.5 * randn(*keys, seed=3)))
-    return Side(loop, scenario, network, tuple(part.scenario for part in parts))
+    return Side(loop, scenario, network, tuple(part.alone or part.scenario for part in parts))

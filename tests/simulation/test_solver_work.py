@@ -30,6 +30,7 @@ BASELINE = {
     "implicit_adams": 10840,
     "midpoint": 10000,
     "rk4": 20000,
+    "runge_kutta": 4000,
     "scipy_solver": 3090,
 }
 #: Fixed methods take steps of 0.2 ms, a second of computing or two.
