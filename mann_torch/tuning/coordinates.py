@@ -34,7 +34,7 @@ class Coordinates:
     (Lambda) is S start S', with S = exp(z/2) for ``scalar``, diag(exp(z/2)) for ``diagonal``, and
     for ``full`` lower triangular with the other P's below its diagonal: it stays symmetric positive
     definite wherever z goes. A row is start * exp(z) with one z for ``scalar``, else with one a
-    number, which keeps its sign.
+    number: each keeps its sign, and 0 stays 0.
 
     Raises `ConfigError` for no name, an unknown or repeated one, a batched constant, a constant
     that starts at the edge of its domain (0 times anything is 0), or an unknown form, `KindError`.
@@ -57,7 +57,7 @@ class Coordinates:
             if start.dim() != module.domain(name).event_dims:
                 raise ConfigError(f"{name} has a batch shape {tuple(start.shape)}: tune one value")
             row = start.dim() == 1
-            if not matrix and bool((start == 0 if row else start <= 0).any()):
+            if not matrix and bool((start == 0).all() if row else (start <= 0).any()):
                 shown = start.tolist()
                 raise ConfigError(f"{name} = {shown} can't be tuned from 0: start it > 0")
             n = start.shape[-1] if matrix or row else 1

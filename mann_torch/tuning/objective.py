@@ -65,8 +65,9 @@ class Objective:
         ok = torch.isfinite(score.srmse) & torch.isfinite(score.rate) & torch.isfinite(score.peak)
         # NaN, even where it counts for nothing, would leave NaN gradients.
         score = Score(*(torch.where(ok, a, b) for a, b in zip(score, start, strict=True)))
-        rate = score.rate / start.rate
-        # Before `effort_after` there is no peak yet.
+        # Inputs that stand still at the start have no rate, and before `effort_after` no peak.
+        moved = start.rate > 0
+        rate = torch.where(moved, score.rate / torch.where(moved, start.rate, 1.0), 0.0)
         peak = torch.where(start.peak > 0, score.peak / start.peak.clamp(min=1e-12), 0.0)
         total = score.srmse / start.srmse + self.effort_weight * rate
         limits = ((rate, self.rate_limit), (peak, self.peak_limit), (score.peak, self.saturation))

@@ -1,5 +1,7 @@
 """Coordinates keep every constant in its domain, wherever they go."""
 
+import math
+
 import pytest
 import torch
 
@@ -79,3 +81,13 @@ def test_a_constant_of_each_sample_is_not_tuned_as_one() -> None:
     controller.initialize(rate_W=[1.0, 2.0])
     with pytest.raises(mt.ConfigError, match="batch shape"):
         Coordinates(controller, ["rate_W"])
+
+
+def test_a_row_with_zeros_keeps_them() -> None:
+    feedback = mt.LinearFeedback([[0.0, -4.0]])
+    for form, z in (("scalar", [0.5]), ("diagonal", [0.5, 0.5])):
+        coordinates = Coordinates(feedback, ["feedback"], form)
+        (row,) = coordinates.values(torch.tensor(z, dtype=torch.float64)).values()
+        assert row.tolist() == [0.0, -4.0 * math.exp(0.5)]
+    with pytest.raises(mt.ConfigError, match="can't be tuned from 0"):
+        Coordinates(mt.LinearFeedback([[0.0, 0.0]]), ["feedback"])
