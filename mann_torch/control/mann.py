@@ -29,7 +29,7 @@ from .feature_network import FeatureNetwork
 from .network import AdaptiveNetwork
 from .network_inputs import ErrorsAndReference, NetworkInputs
 from .robust import RobustGain
-from .tracking import FilteredTracking
+from .tracking import FilteredTracking, check_measured
 
 #: Defaults of the paper's network: C_w, C_v, kappa and the spread of its first weights.
 _OF_NETWORK = (10.0, 10.0, 0.0, 0.1)
@@ -44,8 +44,7 @@ class MannController(Controller):
 
     Constants, by name: `error_gain` (Lambda), `base_gain` (K_v), `robust_gain` (k_v),
     `weight_bound` (Z_m), the network's `rate_W` (C_w), `rate_V` (C_v), `e_modification` (kappa),
-    and the memory's `write_gain` (c_w), `shift_threshold` (theta), `key_rate` (c_k) where it has
-    them. Rates, e-modification and `initial_std` go to the paper's network alone.
+    and the memory's `write_gain` (c_w), `shift_threshold` (theta), `key_rate` (c_k), if it has any.
 
     Raises `ConfigError` when the memory's N differs from the network's, when both `n_hidden` and a
     network are given or neither, `ShapeError` where network and inputs do not fit, `DomainError`
@@ -140,7 +139,8 @@ class MannController(Controller):
         generator: torch.Generator | None = None,
         weights: Any = None,
     ) -> tuple[ControllerState, MemoryMode | None]:
-        """State and mode at t = 0; the memory starts from the features there."""
+        """State and mode at t = 0; the memory starts from features there. Raises `KindError`."""
+        check_measured(measurement)
         if weights is None:
             weights = self.initial_weights(batch_shape, generator)
         self.network.check_state(weights)

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from torch import Tensor
 
-from ..checks import whole
+from ..checks import whole, wrong
 from ..constraints import DesignModule, SymmetricPositiveDefinite
 from ..functional import Numbers, times_column
 from ..types import Measurement, ReferenceSample, TrackingError
+
+
+def check_measured(measurement: Any) -> None:
+    """Raise `KindError` unless positions `q` and velocities `qd` are measured."""
+    if not (hasattr(measurement, "q") and hasattr(measurement, "qd")):
+        raise wrong(
+            "measurement", measurement, "of positions q and velocities qd, for this controller"
+        )
 
 
 class FilteredTracking(DesignModule):
