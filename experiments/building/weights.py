@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from mann_torch.checks import NONNEGATIVE, number
 from mann_torch.control import AdaptiveNetwork, Controller
 from mann_torch.errors import ConfigError, WeightsFileError
 from mann_torch.trees import map_tensors
@@ -22,7 +23,11 @@ MOST_DRAWS = 1 << 20
 
 
 def check_draws(cfg: LoopConfig, draws: Sequence[int]) -> None:
-    """Raise `ConfigError` for no draw, or where one (from `initial.draw` on) or the seed is off."""
+    """Raise `ConfigError` for no draw, or where one (from `initial.draw` on) or the seed is off.
+
+    So it does for `initial.std`, whether the controller has weights to draw or not.
+    """
+    number("initial.std", cfg.initial.std, NONNEGATIVE)
     if len(draws) < 1:
         raise ConfigError(f"draws = {len(draws)}: at least 1")
     if len(draws) > MOST_DRAWS:  # to look for the largest of them would take its time
