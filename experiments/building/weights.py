@@ -57,9 +57,9 @@ def initial_weights(cfg: LoopConfig, controller: Controller, draws: Sequence[int
         )
         return network.from_inner_weights(V, b_v)
     states = []
-    for number in numbers:
+    for draw in numbers:
         # A draw's weights depend on seed and number alone, not on how many are drawn.
-        generator = torch.Generator().manual_seed((cfg.seed << 20) + number)
+        generator = torch.Generator().manual_seed((cfg.seed << 20) + draw)
         states.append(controller.initial_weights((), generator))
     return map_tensors(lambda *leaf: torch.stack(leaf), *states)
 
