@@ -2,8 +2,8 @@
 
 Shape letters, used in every docstring of the library:
 
-``...`` any leading batch dimensions, T samples in time, n joints, I network inputs (5n),
-N hidden neurons, S memory slots, D key width.
+``...`` any leading batch dimensions, T samples in time, n joints, m inputs and p outputs, I network
+inputs (the paper's: 5n), N hidden neurons, S memory slots, D key width.
 """
 
 from __future__ import annotations
@@ -159,7 +159,7 @@ class ControllerState(NamedTuple):
 
 
 class ControlSignals(NamedTuple):
-    """Quantities worth plotting, computed on the way to the torque."""
+    """Quantities of `MannController` worth plotting, computed on the way to the input."""
 
     tracking: TrackingError
     features: Features

@@ -31,7 +31,7 @@ class Recording:
     motion_dt: float | None = None  # [s] between instants of motion; None: every step
     sample_dt: float = 0.05  # [s] between whole states
     sample_until: float | None = None  # [s]; None: to the end, 0: no whole states
-    totals_only: bool = False  # what `srmse`, `torque_rate`, `peak_torque` and counts read
+    totals_only: bool = False  # what `srmse`, `input_rate`, `peak_input` and counts read
 
     def __post_init__(self) -> None:
         maybe("motion_dt", self.motion_dt, POSITIVE)

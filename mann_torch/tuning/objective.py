@@ -1,4 +1,4 @@
-"""What is minimised: tracking error plus what the torque costs, relative to the start."""
+"""What is minimised: tracking error plus what the input costs, relative to the start."""
 
 from __future__ import annotations
 
@@ -32,9 +32,10 @@ class Aim(Protocol):
 class Objective:
     """SRMSE / SRMSE_0 + `effort_weight` * rate / rate_0 + penalties, for each member.
 
-    Rate is the RMS torque rate, and 0 stands for the constants one starts from. `rate_limit` and
-    `peak_limit` are multiples of the start's rate and peak torque, `saturation` [N m] is what the
-    actuators can give; what exceeds a limit counts `penalty` times its square. None: no limit.
+    Rate is the RMS rate of the input, and 0 stands for the constants one starts from. `rate_limit`
+    and `peak_limit` are multiples of the start's rate and peak, `saturation`, in the input's unit,
+    is what the actuators can give; what exceeds a limit counts `penalty` times its square. None: no
+    limit.
 
     Raises `ConfigError` for a weight < 0 or a limit that is not > 0.
     """
