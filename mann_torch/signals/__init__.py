@@ -6,7 +6,7 @@ from .noise import MeasurementNoise, NoiseTable, noise_at
 from .polynomial import Polynomial
 from .reference import Reference, Sampler
 from .rows import Rows
-from .schedule import PiecewiseConstant, growing_square, multiplied
+from .schedule import PiecewiseConstant, growing_square
 from .sinusoid import Sinusoid
 from .sinusoids import Sinusoids
 from .smooth_steps import SmoothSteps
@@ -56,6 +56,5 @@ __all__ = [
     "Sum",
     "Surroundings",
     "growing_square",
-    "multiplied",
     "noise_at",
 ]

@@ -93,17 +93,6 @@ class PiecewiseConstant(Rows):
         return PiecewiseConstant(torch.stack(times), torch.stack(values))
 
 
-def multiplied(initial: Numbers, factors: Numbers) -> Tensor:
-    """Rows (..., K + 1, d) that start at `initial` (..., d) and change by one of K factors a jump.
-
-    Raises `KindError` or `ShapeError`.
-    """
-    rows = [_rows("initial", initial)]
-    for factor in _row("factors", factors):
-        rows.append(factor * rows[-1])
-    return torch.stack(rows, dim=-2)
-
-
 def growing_square(initial: Numbers, increment: float, jumps: int) -> Tensor:
     """Rows m(n) = m(0) sqrt(1 + increment n): the paper's m^2 -> m^2 + increment m(0)^2.
 
@@ -122,10 +111,3 @@ def _rows(name: str, numbers: Numbers) -> Tensor:
     if rows.dim() < 1:
         raise ShapeError(f"{name} has shape {tuple(rows.shape)}: give a row of numbers")
     return rows
-
-
-def _row(name: str, numbers: Numbers) -> list[float]:
-    row = _rows(name, numbers)
-    if row.dim() != 1:
-        raise ShapeError(f"{name} has shape {tuple(row.shape)}: give a row of numbers")
-    return list(row.tolist())

@@ -84,7 +84,6 @@ CALLS: dict[str, Call] = {
         {"std": [0.1, 0.1], "seed": 0, "rate": 100.0},
     ),
     "MeasurementNoise.stack": (mt.MeasurementNoise.stack, {"noises": [NOISE]}),
-    "multiplied": (signals.multiplied, {"initial": [1.0], "factors": [2.0]}),
     "growing_square": (signals.growing_square, {"initial": [1.0], "increment": 0.2, "jumps": 3}),
     "as_float64": (lambda value: as_float64(value), {"value": 1.0}),
 }

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 import mann_torch as mt
-from mann_torch.signals import PiecewiseConstant, growing_square, multiplied
+from mann_torch.signals import PiecewiseConstant, growing_square
 
 
 def test_schedule_takes_the_new_value_at_its_jump_time() -> None:
@@ -37,9 +37,6 @@ def test_values_in_force_receive_the_gradient() -> None:
 
 
 def test_mass_rules_of_the_paper() -> None:
-    rows = multiplied([[0.8, 2.3], [0.5, 1.0]], [2.0, 0.5])
-    assert rows[0].tolist() == [[0.8, 2.3], [1.6, 4.6], [0.8, 2.3]]
-    assert torch.equal(rows[1], multiplied([0.5, 1.0], [2.0, 0.5]))
     rows = growing_square([0.8, 2.3], 0.2, 5).tolist()
     for before, after in itertools.pairwise(rows):
         for j, start in enumerate((0.8, 2.3)):
