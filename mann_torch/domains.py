@@ -80,6 +80,10 @@ class FiniteRow(Row, Finite):
     """n finite numbers."""
 
 
+class NonNegativeRow(Row, NonNegative):
+    """n numbers, finite and >= 0."""
+
+
 class PositiveRow(Row, Positive):
     """n numbers, finite and > 0."""
 

@@ -15,6 +15,9 @@ from torch import Tensor
 from .errors import InterfaceError
 from .trees import portable
 
+#: Derivatives that a `ReferenceSample` has room for.
+MOST_DERIVATIVES = 4
+
 
 class Channel(NamedTuple):
     """One number that goes into a plant or comes out of it: how tables and pictures call it."""
@@ -43,11 +46,12 @@ class ReferenceSample(NamedTuple):
     snap: Tensor | None = None  # (..., p), per s^4
     #: (..., p) what a reference model is told to follow, where the value is the model's output.
     command: Tensor | None = None
+    state: Tensor | None = None  # (..., d) of that model
 
     @property
     def parts(self) -> tuple[Tensor | None, ...]:
         """The value and its derivatives, None where there is none."""
-        return self[:5]
+        return self[: MOST_DERIVATIVES + 1]
 
     def upto(self, order: int) -> tuple[Tensor, ...]:
         """The value and its first `order` derivatives. Raises `InterfaceError` if one is not there.
@@ -101,6 +105,7 @@ class MemoryMode(NamedTuple):
     switches: Tensor  # (...,) int64, changes of the attended slot so far
     reallocations: Tensor  # (...,) int64, resets so far
     held: Tensor | None = None  # (..., S) weights in force; None: attention decides
+    law: Any = None  # what an adaptive law beside the memory decides
 
 
 class Shift(NamedTuple):
@@ -152,10 +157,11 @@ class TrackingError(NamedTuple):
 
 @portable
 class ControllerState(NamedTuple):
-    """All adaptive state of the controller; `memory` is None for the plain network."""
+    """Weights of a network, in its own form, a memory, and laws; None where there is none."""
 
-    network: NetworkState
+    network: Any
     memory: MemoryState | None
+    laws: Any = None  # what the laws of the weights keep
 
 
 class ControlSignals(NamedTuple):

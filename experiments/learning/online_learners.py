@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 import mann_torch as mt
-from mann_torch.control.network import AdaptiveNetwork
+from mann_torch.control import AdaptiveNetwork, Drive
 from mann_torch.functional import times_column
 from mann_torch.types import NetworkState
 
@@ -168,7 +168,10 @@ class OnlineLearner(nn.Module):
             outer = seen.read.unsqueeze(-1)
             network = network._replace(W=outer[..., :-1, :], b_w=outer[..., -1, :])
         correction = times_column(network.W, e)
-        change = self.network.derivative(inputs, features, e, correction, error.abs(), network)
+        drive = Drive.of_features(features.hidden, e, error.abs())
+        change, _ = self.network.derivative(
+            inputs, features, drive, correction, network, None, None
+        )
         cell = learner.cell
         if self.cell is not None and seen is not None:
             if self.variant == "readouts":

@@ -2,40 +2,94 @@
 
 from ..registry import Registry
 from .controller import Controller
-from .feature_network import FeatureNetwork
-from .laws import LAWS, GradientLaw, Law
+from .features import (
+    BASES,
+    NETWORKS,
+    AdaptiveNetwork,
+    Approximation,
+    Approximator,
+    Basis,
+    Constant,
+    ErrorsAndReference,
+    FeatureNetwork,
+    FunctionBasis,
+    Identity,
+    Joined,
+    Layers,
+    LinearNetwork,
+    Measured,
+    NetworkInputs,
+    RadialBasis,
+    equal_parameter_hidden,
+)
+from .laws import (
+    LAW_PARTS,
+    LAWS,
+    AdaptiveLaw,
+    ConstantGain,
+    Drive,
+    EModification,
+    Gain,
+    GainInForce,
+    Gate,
+    Guard,
+    Law,
+    LawPart,
+    Leak,
+    Pair,
+    Projection,
+    SigmaModification,
+    Term,
+)
 from .linear_feedback import LinearFeedback
 from .mann import MannController
-from .network import AdaptiveNetwork, equal_parameter_hidden
-from .network_inputs import ErrorsAndReference, NetworkInputs
-from .radial_basis import RadialBasisNetwork
 from .robust import RobustGain
 from .tracking import FilteredTracking
 
 CONTROLLERS: Registry[Controller] = Registry(
     "controller", Controller, {"mann": MannController, "linear_feedback": LinearFeedback}
 )
-NETWORKS: Registry[FeatureNetwork] = Registry(
-    "network",
-    FeatureNetwork,
-    {"adaptive": AdaptiveNetwork, "radial_basis": RadialBasisNetwork},
-)
 
 __all__ = [
+    "BASES",
     "CONTROLLERS",
     "LAWS",
+    "LAW_PARTS",
     "NETWORKS",
+    "AdaptiveLaw",
     "AdaptiveNetwork",
+    "Approximation",
+    "Approximator",
+    "Basis",
+    "Constant",
+    "ConstantGain",
     "Controller",
+    "Drive",
+    "EModification",
     "ErrorsAndReference",
     "FeatureNetwork",
     "FilteredTracking",
-    "GradientLaw",
+    "FunctionBasis",
+    "Gain",
+    "GainInForce",
+    "Gate",
+    "Guard",
+    "Identity",
+    "Joined",
     "Law",
+    "LawPart",
+    "Layers",
+    "Leak",
     "LinearFeedback",
+    "LinearNetwork",
     "MannController",
+    "Measured",
     "NetworkInputs",
-    "RadialBasisNetwork",
+    "Pair",
+    "Projection",
+    "RadialBasis",
     "RobustGain",
+    "SigmaModification",
+    "Term",
     "equal_parameter_hidden",
 ]

@@ -16,7 +16,6 @@ from ..types import (
     ControllerState,
     ControlOutput,
     ControlSignals,
-    Features,
     InputGains,
     Measurement,
     MemoryMode,
@@ -25,9 +24,15 @@ from ..types import (
     TrackingError,
 )
 from .controller import Controller
-from .feature_network import FeatureNetwork
-from .network import AdaptiveNetwork
-from .network_inputs import ErrorsAndReference, NetworkInputs
+from .features import (
+    AdaptiveNetwork,
+    Approximation,
+    Approximator,
+    ErrorsAndReference,
+    FeatureNetwork,
+    NetworkInputs,
+)
+from .laws import Drive
 from .robust import RobustGain
 from .tracking import FilteredTracking, check_measured
 
@@ -89,29 +94,32 @@ class MannController(Controller):
                 f"a network of {network.n_inputs} inputs and {network.n_outputs} outputs among "
                 f"{width} inputs and {n_joints} joints"
             )
-        held = network.n_hidden
-        if memory is not None and instance("memory", memory, WorkingMemory).n_hidden != held:
-            raise ConfigError(
-                f"the memory stores N = {memory.n_hidden} numbers a slot, the network has "
-                f"N = {held} neurons: they must be equal"
-            )
         self.n_joints = n_joints
         self.tracking = FilteredTracking(n_joints, error_gain)
         self.inputs = inputs
-        self.network = network
+        self.approximator = Approximator(network, memory)
         self.robust = RobustGain(base_gain, robust_gain, weight_bound)
-        self.memory = memory
         self.reference_order = max(1, inputs.reference_order)
 
     @property
+    def network(self) -> FeatureNetwork:
+        """What adapts."""
+        return self.approximator.network
+
+    @property
+    def memory(self) -> WorkingMemory | None:
+        """What is remembered."""
+        return self.approximator.memory
+
+    @property
     def reallocates(self) -> bool:  # type: ignore[override]
-        """Whether the memory's attention can reset a slot."""
-        return self.memory is not None and self.memory.attention.reallocates
+        """Whether a jump can change its state: of a memory's slot, or of a law."""
+        return self.approximator.reallocates
 
     @property
     def switches(self) -> bool:  # type: ignore[override]
         """Whether the memory attends one slot at a time."""
-        return self.memory is not None and self.memory.attention.switches
+        return self.approximator.switches
 
     def initial_weights(
         self, batch_shape: Sequence[int], generator: torch.Generator | None = None
@@ -141,17 +149,10 @@ class MannController(Controller):
     ) -> tuple[ControllerState, MemoryMode | None]:
         """State and mode at t = 0; the memory starts from features there. Raises `KindError`."""
         check_measured(measurement)
-        if weights is None:
-            weights = self.initial_weights(batch_shape, generator)
-        self.network.check_state(weights)
-        network = self.network.expand(weights, batch_shape)
-        if self.memory is None:
-            return ControllerState(network, None), None
-        nn_input = self._look(reference, measurement, network)[1]
-        hidden = self.network.first_features(nn_input, network)
-        memory = self.memory.initial_state(hidden, measurement.q)
-        mode = self.memory.initial_mode(hidden.shape[:-1])
-        return ControllerState(network, memory), mode
+        nn_input = self._look(reference, measurement)[1]
+        return self.approximator.initial_state(
+            nn_input, measurement.q, batch_shape, generator, weights
+        )
 
     def forward(
         self,
@@ -161,24 +162,14 @@ class MannController(Controller):
         mode: MemoryMode | None,
     ) -> ControlOutput:
         """Torque (..., n) [N m], time derivative of the state, and signals."""
-        network = state.network
-        tracking, nn_input, features = self._look(reference, measurement, network)
+        tracking, nn_input = self._look(reference, measurement)
         r = tracking.filtered_error
-        correction = self.network.correction(r, network)
-        norms = self.network.magnitude(network)
-        hidden, read, weights, d_memory = features.hidden, None, None, None
-        if self.memory is not None and state.memory is not None and mode is not None:
-            read, weights, d_memory = self.memory(
-                hidden, correction, measurement.q, state.memory, mode
-            )
-            norms = norms + self.memory.magnitude(state.memory, mode)
-            hidden = hidden + read
-        gain = self.robust(norms)
-        u = gain.unsqueeze(-1) * r + self.network.output(hidden, network)
-        error_norm = torch.linalg.vector_norm(tracking.error, dim=-1)
-        d_network = self.network.derivative(nn_input, features, r, correction, error_norm, network)
-        signals = ControlSignals(tracking, features, read, weights, gain)
-        return ControlOutput(u, ControllerState(d_network, d_memory), signals)
+        found: Approximation = self.approximator(nn_input, r, measurement.q, state, mode)
+        gain = self.robust(found.norms)
+        u = gain.unsqueeze(-1) * r + found.output
+        rates = self.approximator.rates(found, _drive(tracking, found), state, mode)
+        signals = ControlSignals(tracking, found.features, found.read, found.weights, gain)
+        return ControlOutput(u, rates, signals)
 
     def jump(
         self,
@@ -187,12 +178,12 @@ class MannController(Controller):
         state: ControllerState,
         mode: MemoryMode | None,
     ) -> tuple[ControllerState, MemoryMode | None]:
-        """The memory's decisions: reallocation, and which slot is attended now."""
-        if self.memory is None or state.memory is None or mode is None:
-            return state, mode
-        _, _, features = self._look(reference, measurement, state.network)
-        memory, mode = self.memory.jump(features.hidden, measurement.q, state.memory, mode)
-        return state._replace(memory=memory), mode
+        """Decisions of laws and memory: reallocation, and which slot is attended now."""
+        tracking, nn_input = self._look(reference, measurement)
+        return self.approximator.jump(
+            nn_input, tracking.filtered_error, measurement.q, state, mode,
+            lambda found: _drive(tracking, found),
+        )  # fmt: skip
 
     def proximity(
         self,
@@ -202,10 +193,8 @@ class MannController(Controller):
         mode: MemoryMode,
     ) -> Proximity:
         """What decides the memory's next event."""
-        if self.memory is None or state.memory is None:
-            return super().proximity(reference, measurement, state, mode)
-        hidden = self._look(reference, measurement, state.network)[2].hidden
-        return self.memory.proximity(hidden, measurement.q, state.memory, mode)
+        nn_input = self._look(reference, measurement)[1]
+        return self.approximator.proximity(nn_input, measurement.q, state, mode)
 
     def reallocate(
         self,
@@ -216,11 +205,8 @@ class MannController(Controller):
         due: Tensor,
     ) -> tuple[ControllerState, MemoryMode]:
         """The memory's reset, in the samples `due` (...,) bool."""
-        if self.memory is None or state.memory is None:
-            return state, mode
-        hidden = self._look(reference, measurement, state.network)[2].hidden
-        memory, mode = self.memory.reallocate(hidden, measurement.q, state.memory, mode, due)
-        return state._replace(memory=memory), mode
+        nn_input = self._look(reference, measurement)[1]
+        return self.approximator.reallocate(nn_input, measurement.q, state, mode, due)
 
     def input_gains(
         self, reference: ReferenceSample, output: ControlOutput, state: ControllerState
@@ -243,8 +229,13 @@ class MannController(Controller):
         return InputGains(gains, drift)
 
     def _look(
-        self, reference: ReferenceSample, measurement: Measurement, network: Any
-    ) -> tuple[TrackingError, Tensor, Features]:
+        self, reference: ReferenceSample, measurement: Measurement
+    ) -> tuple[TrackingError, Tensor]:
         tracking: TrackingError = self.tracking(reference, measurement)
-        nn_input = self.inputs(tracking, reference, measurement)
-        return tracking, nn_input, self.network.features(nn_input, network)
+        return tracking, self.inputs(tracking, reference, measurement)
+
+
+def _drive(tracking: TrackingError, found: Approximation) -> Drive:
+    """r drives, and |e| is that of positions."""
+    error_norm = torch.linalg.vector_norm(tracking.error, dim=-1)
+    return Drive.of_features(found.features.hidden, tracking.filtered_error, error_norm)

@@ -12,7 +12,7 @@ from ..constraints import DesignModule, FiniteRow, PositiveRow
 from ..errors import ShapeError
 from ..functional import Numbers, as_float64, times_column
 from ..interface import Interface
-from ..types import ReferenceSample
+from ..types import MOST_DERIVATIVES, ReferenceSample
 
 
 class ReferenceModel(Interface, DesignModule):
@@ -21,8 +21,8 @@ class ReferenceModel(Interface, DesignModule):
     1. Its state is a tensor (..., d); it flows with the loop.
     2. `rates` (..., d) may depend on the plant's output: a closed-loop reference model.
     3. `sample` is what the controller follows: the model's output (..., p), with `order`
-       derivatives in time, as state and command move, and the command beside it. The tracking error
-       is that of this output.
+       derivatives in time, as state and command move, and command and state beside it. The tracking
+       error is that of this output.
     4. It reads the command's value, and no more than `command_order` of its derivatives.
     5. It is a function of its arguments and of declared constants alone, for any batch at once,
        decided by `where`, in float64. Gradients reach them all.
@@ -51,7 +51,8 @@ class LinearModel(ReferenceModel):
 
     `A` (d, d), `B` (d, p), `C` (p, d; the identity if not given). `observer_gain` L (d, p) makes it
     a closed-loop reference model (Gibson et al., arXiv 1304.7278). `start` (d,) is x_m(0), 0 if not
-    given. Constants: `A`, `B`, `C` and `observer_gain`, each row by row in one row of numbers.
+    given. It has as many derivatives as the command does not enter but by the last: its relative
+    degree, at most 4. Constants: `A`, `B`, `C` and `observer_gain`, each row by row in one row of numbers.
 
     Raises `ShapeError`, `DomainError`, `KindError` or `DtypeError`.
     """
@@ -76,6 +77,8 @@ class LinearModel(ReferenceModel):
         self._declare("B", B, (self.size, self.width))
         self._declare("C", C, (self.width, self.size))
         self.closed = observer_gain is not None
+        into = [B] if observer_gain is None else [B, as_float64(observer_gain, "observer_gain")]
+        self.order = _relative_degree(A, into, C)
         if observer_gain is not None:
             gain = as_float64(observer_gain, "observer_gain")
             self._declare("observer_gain", gain, (self.size, self.width))
@@ -119,10 +122,22 @@ class LinearModel(ReferenceModel):
         return rate + times_column(self._matrix("observer_gain"), gap)
 
     def sample(self, command: ReferenceSample, output: Tensor, state: Tensor) -> ReferenceSample:
-        """y_m and its rate, C x_m'."""
-        C = self._matrix("C")
-        rate = times_column(C, self.rates(command, output, state))
-        return ReferenceSample(times_column(C, state), rate, command=command.value)
+        """y_m and its derivatives, the last of which the command enters."""
+        C, rates = self._matrix("C"), self.rates(command, output, state)
+        parts = [times_column(C, state), times_column(C, rates)]
+        for _ in range(1, self.order):
+            # No command, nor output, before the last derivative: C A^k B = 0, C A^k L = 0.
+            C = C @ self._matrix("A")
+            parts.append(times_column(C, rates))
+        return ReferenceSample(*parts, command=command.value, state=state)
+
+
+def _relative_degree(A: Tensor, into: list[Tensor], C: Tensor) -> int:
+    """How many derivatives of C x are there without one of what goes in, at most 4."""
+    degree, row = 1, C.detach()
+    while degree < MOST_DERIVATIVES and not any(bool((row @ x.detach()).any()) for x in into):
+        degree, row = degree + 1, row @ A.detach()
+    return degree
 
 
 class SecondOrderModel(ReferenceModel):
@@ -161,4 +176,4 @@ class SecondOrderModel(ReferenceModel):
         """y_m and its two derivatives."""
         value, rate = state.split(self.width, dim=-1)
         acceleration = self._acceleration(command, state)
-        return ReferenceSample(value, rate, acceleration, command=command.value)
+        return ReferenceSample(value, rate, acceleration, command=command.value, state=state)

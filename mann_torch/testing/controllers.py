@@ -15,7 +15,7 @@ from ..plants import Plant
 from ..signals import Reference
 from ..simulation import ENGINES
 from ..trees import leaf_names, leaves, map_tensors
-from ..types import ControlOutput, InputGains, ReferenceSample
+from ..types import MOST_DERIVATIVES, ControlOutput, InputGains, ReferenceSample
 from .controller_bench import Asked, ControllerBench, answer, bench_of
 from .controller_jumps import check_jumps
 from .controller_rollout import check_rollout
@@ -26,7 +26,7 @@ from .samples import check_order
 from .slopes import check_constants, check_slopes, totals
 from .telling import broken
 
-_MOST = len(ReferenceSample._fields) - 2
+_MOST = MOST_DERIVATIVES
 
 
 class Own(NamedTuple):

@@ -11,7 +11,7 @@ from torch import Tensor
 from ..checks import instance
 from ..parts import ReferenceModel
 from ..trees import map_tensors
-from ..types import ReferenceSample
+from ..types import MOST_DERIVATIVES, ReferenceSample
 from .forms import called, check_held, check_tensor
 from .functions import SAMPLES, apart, check_function, tried_of
 from .samples import check_order, drawn_sample
@@ -20,7 +20,7 @@ from .telling import broken
 
 #: Of the largest number: how far a derivative may be from the one by autograd.
 DERIVATIVE = 1e-9
-_MOST = len(ReferenceSample._fields) - 2
+_MOST = MOST_DERIVATIVES
 
 
 class Followed(NamedTuple):

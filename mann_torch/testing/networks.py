@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ..checks import instance
-from ..control import FeatureNetwork
+from ..control import Drive, FeatureNetwork
 from ..trees import leaves, map_tensors
 from ..types import Features
 from .forms import called, check_held, check_tensor, difference, is_tree
@@ -30,6 +30,8 @@ class Fed(NamedTuple):
     error_norm: Tensor  # (SAMPLES,)
     extra: Tensor  # (SAMPLES, N) what a memory adds to the features
     state: Any
+    laws: Any
+    mode: Any
 
 
 class Answer(NamedTuple):
@@ -40,6 +42,7 @@ class Answer(NamedTuple):
     correction: Tensor
     magnitude: Tensor
     derivative: Any
+    of_laws: Any
 
 
 def check_network(network: FeatureNetwork) -> None:
@@ -58,29 +61,38 @@ def check_network(network: FeatureNetwork) -> None:
     _check_weights(network, given.state)
     _check_forms(network, given)
     for _ in range(STEPS):
-        rates = _answers(network, given).derivative
-        given = given._replace(state=map_tensors(lambda x, dx: x + STEP * dx, given.state, rates))
+        found = _answers(network, given)
+        given = given._replace(
+            state=_stepped(given.state, found.derivative), laws=_stepped(given.laws, found.of_laws)
+        )
     _check_forms(network, given)
     _check_pairing(network, given)
     tried = tried_of(network, 3, "answer", _answers, given)
     check_function(tried)
     weights = [f"field {i} of the weights" for i, _ in enumerate(leaves(given.state))]
+    weights += [f"field {i} of what laws keep" for i, _ in enumerate(leaves(given.laws))]
     names = ["the input", "the feedback", "|e|", "what is added to the features", *weights]
     check_slopes(tried, names)
     check_constants(tried, 3)
     _check_slope(network, given)
 
 
+def _stepped(tree: Any, rates: Any) -> Any:
+    return map_tensors(lambda x, dx: x + STEP * dx, tree, rates)
+
+
 def _answers(network: FeatureNetwork, given: Fed) -> Answer:
-    x, r, norm, extra, state = given
+    x, r, norm, extra, state, *_ = given
     features = network.features(x, state)
     correction = network.correction(r, state)
+    drive = Drive.of_features(features.hidden, r, norm)
+    rates = network.derivative(x, features, drive, correction, state, given.laws, given.mode)
     return Answer(
         features.hidden,
         network.output(features.hidden + extra, state),
         correction,
         network.magnitude(state),
-        network.derivative(x, features, r, correction, norm, state),
+        *rates,
     )
 
 
@@ -96,6 +108,7 @@ def _drawn(network: FeatureNetwork) -> Fed:
         draw().abs(),
         0.1 * draw(network.n_hidden),
         network.initial_state((SAMPLES,), generator),
+        *network.initial_laws((SAMPLES,)),
     )
 
 
@@ -127,6 +140,9 @@ def _check_forms(network: FeatureNetwork, given: Fed) -> None:
     told = difference(found.derivative, given.state)
     if told is not None or not is_tree(found.derivative):
         raise broken(network, 3, f"derivative: {told}", "return a tree like the weights")
+    told = difference(found.of_laws, given.laws)
+    if told is not None:
+        raise broken(network, 3, f"derivative of laws: {told}", "return a tree like theirs")
 
 
 def _check_pairing(network: FeatureNetwork, given: Fed) -> None:

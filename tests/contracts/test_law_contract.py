@@ -11,15 +11,31 @@ from torch import Tensor
 
 import mann_torch as mt
 from mann_torch.constraints import Positive
-from mann_torch.control import LAWS, GradientLaw, Law
+from mann_torch.control import (
+    AdaptiveLaw,
+    ConstantGain,
+    Drive,
+    EModification,
+    Law,
+    Projection,
+    SigmaModification,
+)
 from mann_torch.errors import InterfaceError
 from mann_torch.functional import outer, per_matrix, times_column
 from mann_torch.testing import check_law
 
-#: Laws with other arguments than none.
+#: A new mechanism is a line here.
 LAWS_TO_CHECK: dict[str, Callable[[], Law]] = {
-    **LAWS,
-    "gradient, standing": lambda: GradientLaw(0.0),
+    "gradient": lambda: AdaptiveLaw(ConstantGain(2.0)),
+    "gradient, standing": lambda: AdaptiveLaw(ConstantGain(0.0)),
+    "gradient, a row": lambda: AdaptiveLaw(ConstantGain([1.0, 2.0, 0.0, 0.5])),
+    "gradient, a matrix": lambda: AdaptiveLaw(
+        ConstantGain((torch.eye(4) + 0.3).double()), SigmaModification(0.1)
+    ),
+    "e-modification": lambda: AdaptiveLaw(EModification(0.3)),
+    "sigma": lambda: AdaptiveLaw(SigmaModification(0.3)),
+    "sigma, a row": lambda: AdaptiveLaw(SigmaModification([0.3, 0.0, 1.0, 2.0])),
+    "projection": lambda: AdaptiveLaw(ConstantGain(5.0), Projection(2.0, 0.1)),
 }
 
 
@@ -44,8 +60,9 @@ class Good(Law):
         eye = torch.eye(n_features, dtype=torch.float64)
         return Gain(eye.expand(*batch_shape, n_features, n_features))
 
-    def forward(self, regressor, error, estimate, state):
-        along = times_column(state.P, regressor)
+    def forward(self, drive, estimate, state, mode=None):
+        phi, error = drive.regressor[..., 0], drive.error[..., 0, :]
+        along = times_column(state.P, phi)
         rate = per_matrix(self.rate)
         return rate * outer(along, error), Gain(-rate * outer(along, along))
 
@@ -57,9 +74,10 @@ def changed(base: type = Good, **members: Any) -> Law:
 def other(compute: Callable[..., Any]) -> Law:
     """With another answer, of (self, right one, phi, s, theta, state)."""
 
-    def forward(self, regressor, error, estimate, state):
-        right = Good.forward(self, regressor, error, estimate, state)
-        return compute(self, right, regressor, error, estimate, state)
+    def forward(self, drive, estimate, state, mode=None):
+        right = Good.forward(self, drive, estimate, state)
+        phi, error = drive.regressor[..., 0], drive.error[..., 0, :]
+        return compute(self, right, phi, error, estimate, state)
 
     return changed(forward=forward)
 
@@ -68,13 +86,13 @@ def starting(make: Callable[..., Any]) -> Law:
     return changed(initial_state=lambda self, n, m, batch: make(n, m, tuple(batch)))
 
 
-def sigma(self, regressor, error, estimate, state):
-    rate, d_state = Good.forward(self, regressor, error, estimate, state)
+def sigma(self, drive, estimate, state, mode=None):
+    rate, d_state = Good.forward(self, drive, estimate, state)
     return rate - 0.1 * estimate, d_state
 
 
-def grown(self, regressor, error, estimate, state):
-    rate, d_state = Good.forward(self, regressor, error, estimate, state)
+def grown(self, drive, estimate, state, mode=None):
+    rate, d_state = Good.forward(self, drive, estimate, state)
     return rate + 0.1 * estimate, d_state
 
 
@@ -151,7 +169,7 @@ BROKEN: dict[str, tuple[Callable[[], Law], str]] = {
     "a regressor detached": (
         lambda: other(
             lambda self, right, phi, s, theta, state: Good.forward(
-                self, phi.detach(), s, theta, state
+                self, Drive.of_features(phi.detach(), s, phi.norm(dim=-1)), theta, state
             )
         ),
         "line 3: the gradient of forward by the regressor is not what finite",

@@ -10,7 +10,19 @@ import torch
 
 import mann_torch as mt
 from mann_torch import control
-from mann_torch.control import AdaptiveNetwork, FeatureNetwork, RadialBasisNetwork
+from mann_torch.control import (
+    AdaptiveLaw,
+    AdaptiveNetwork,
+    Constant,
+    FeatureNetwork,
+    FunctionBasis,
+    Identity,
+    Joined,
+    Layers,
+    LinearNetwork,
+    Projection,
+    RadialBasis,
+)
 from mann_torch.errors import InterfaceError
 from mann_torch.testing import check_network
 from mann_torch.types import Features
@@ -20,8 +32,13 @@ NETWORKS_TO_CHECK: dict[str, Callable[[], FeatureNetwork]] = {
     "adaptive": lambda: AdaptiveNetwork(4, 6, 2),
     "adaptive, kappa > 0": lambda: AdaptiveNetwork(4, 6, 2, e_modification=0.1),
     "adaptive, small": lambda: AdaptiveNetwork(1, 1, 1),
-    "radial basis": lambda: RadialBasisNetwork.scattered(3, 7, 2, 2.0),
-    "radial basis, small": lambda: RadialBasisNetwork([[0.0]], 1),
+    "adaptive, projected": lambda: AdaptiveNetwork(4, 6, 2, law_W=AdaptiveLaw(Projection(3.0))),
+    "radial basis": lambda: LinearNetwork(RadialBasis.scattered(3, 7, 2.0), 2),
+    "radial basis, small": lambda: LinearNetwork(RadialBasis([[0.0]]), 1),
+    "identity": lambda: LinearNetwork(Identity(3), 2, start=0.5),
+    "joined": lambda: LinearNetwork(Joined([Identity(3), Constant(3)]), 2),
+    "layers": lambda: LinearNetwork(Layers.random(3, 5, 2), 2),
+    "function": lambda: LinearNetwork(FunctionBasis(torch.sin, 3, 3), 2),
 }
 
 
@@ -38,14 +55,14 @@ def test_the_list_has_every_network_there_is() -> None:
 
 def changed(**members: Any) -> FeatureNetwork:
     """Radial basis functions that break a line."""
-    network = RadialBasisNetwork.scattered(3, 7, 2, 2.0)
-    network.__class__ = type("Broken", (RadialBasisNetwork,), members)
+    network = LinearNetwork(RadialBasis.scattered(3, 7, 2.0), 2)
+    network.__class__ = type("Broken", (LinearNetwork,), members)
     return network
 
 
 def of(name: str, compute: Callable[..., Any]) -> FeatureNetwork:
     """With another result of a method, of the right one and its arguments."""
-    right = getattr(RadialBasisNetwork, name)
+    right = getattr(LinearNetwork, name)
     return changed(**{name: lambda self, *given: compute(right(self, *given), *given)})
 
 
@@ -64,7 +81,7 @@ BROKEN: dict[str, tuple[Callable[[], FeatureNetwork], str]] = {
     "weights by chance": (
         lambda: changed(
             initial_state=lambda self, batch, generator=None: random_weights(
-                RadialBasisNetwork.initial_state(self, batch)
+                LinearNetwork.initial_state(self, batch)
             )
         ),
         "line 2: initial_state gives other numbers each time",
@@ -94,7 +111,7 @@ BROKEN: dict[str, tuple[Callable[[], FeatureNetwork], str]] = {
         "line 3: magnitude is negative",
     ),
     "a rate of another kind": (
-        lambda: of("derivative", lambda right, *_: right.W),
+        lambda: of("derivative", lambda right, *_: (right[0].W, right[1])),
         "line 3: derivative: it is a Tensor, not a LinearWeights",
     ),
     "an output that saturates": (
@@ -107,7 +124,7 @@ BROKEN: dict[str, tuple[Callable[[], FeatureNetwork], str]] = {
     ),
     "an input detached": (
         lambda: changed(
-            features=lambda self, x, state: RadialBasisNetwork.features(self, x.detach(), state)
+            features=lambda self, x, state: LinearNetwork.features(self, x.detach(), state)
         ),
         "line 3: the gradient of answer by the input is not what finite",
     ),

@@ -1,9 +1,44 @@
-"""Adaptive laws: how estimates move. One mechanism a file."""
+"""Adaptive laws: how estimates move. One mechanism a file, composed by `AdaptiveLaw`."""
 
 from ...registry import Registry
-from .gradient import GradientLaw
+from .adaptive import AdaptiveLaw
+from .constant_gain import ConstantGain
+from .drive import Drive, Pair
+from .e_modification import EModification
 from .law import Law
+from .part import Gain, GainInForce, Gate, Guard, LawPart, Leak, Term
+from .projection import Projection
+from .sigma_modification import SigmaModification
 
-LAWS: Registry[Law] = Registry("law", Law, {"gradient": GradientLaw})
+LAWS: Registry[Law] = Registry("law", Law, {"adaptive": AdaptiveLaw})
+#: What an adaptive law is composed of.
+LAW_PARTS: Registry[LawPart] = Registry(
+    "law_part",
+    LawPart,
+    {
+        "constant": ConstantGain,
+        "sigma": SigmaModification,
+        "e_modification": EModification,
+        "projection": Projection,
+    },
+)
 
-__all__ = ["LAWS", "GradientLaw", "Law"]
+__all__ = [
+    "LAWS",
+    "LAW_PARTS",
+    "AdaptiveLaw",
+    "ConstantGain",
+    "Drive",
+    "EModification",
+    "Gain",
+    "GainInForce",
+    "Gate",
+    "Guard",
+    "Law",
+    "LawPart",
+    "Leak",
+    "Pair",
+    "Projection",
+    "SigmaModification",
+    "Term",
+]

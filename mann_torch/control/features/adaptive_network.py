@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import torch
 from torch import Tensor
 
-from ..checks import NONNEGATIVE, instance, number, sizes, whole
-from ..constraints import NonNegative
-from ..errors import ConfigError, ShapeError
-from ..functional import (
+from ...checks import NONNEGATIVE, instance, number, sizes, whole
+from ...errors import ConfigError, ShapeError
+from ...functional import (
     Numbers,
     as_float64,
     frobenius,
     number_by_number,
-    outer,
     row_times,
     times_column,
 )
-from ..types import Features, NetworkState
+from ...trees import leaves
+from ...types import Features, NetworkState
+from ..laws import AdaptiveLaw, ConstantGain, Drive, EModification, Law
 from .feature_network import FeatureNetwork
+from .network_laws import NO_LAWS, LawTrees, as_columns, of_network
 
+#: Defaults: C_w, C_v and kappa of the paper.
+_RATES = (10.0, 10.0, 0.0)
 #: Trailing dimensions of W, b_w, V and b_v.
 _EVENT_DIMS = (2, 1, 2, 1)
 
@@ -29,11 +33,14 @@ _EVENT_DIMS = (2, 1, 2, 1)
 class AdaptiveNetwork(FeatureNetwork):
     """f^ = W' sigma(V' x~ + b_v) + b_w with weights that move by the paper's eq. (NNupdate).
 
-    `rate_W`, `rate_V` are C_w, C_v and `e_modification` is kappa. W and b_w start at 0, V and b_v
+    dW/dt = C_w ((sigma - sigma' V'x~) r' - kappa |e| W), dV/dt = C_v (x~ (sigma' W r)' - kappa |e|
+    V), and so the biases, on 1: `rate_W`, `rate_V` are C_w, C_v and `e_modification` is kappa.
+    `law_W` and `law_V` put laws of one's own in their place. W and b_w start at 0, V and b_v
     from a normal law of standard deviation `initial_std` (0 would keep all neurons identical).
     The buffers `initial_V` (I, N) and `initial_b_v` (N,) hold one such draw.
 
-    Raises `KindError`, and `ConfigError` for sizes below 1 or a negative `initial_std`.
+    Raises `KindError`, and `ConfigError` for sizes below 1, a negative `initial_std`, or a law that
+    needs what inner weights do not have.
     """
 
     def __init__(
@@ -41,21 +48,28 @@ class AdaptiveNetwork(FeatureNetwork):
         n_inputs: int,
         n_hidden: int,
         n_outputs: int,
-        rate_W: Numbers = 10.0,
-        rate_V: Numbers = 10.0,
-        e_modification: Numbers = 0.0,
+        rate_W: Numbers = _RATES[0],
+        rate_V: Numbers = _RATES[1],
+        e_modification: Numbers = _RATES[2],
         initial_std: float = 0.1,
+        law_W: Law | None = None,
+        law_V: Law | None = None,
     ) -> None:
         super().__init__()
+        given = (law_W is not None, law_V is not None)
+        if (given[0] and rate_W != _RATES[0]) or (given[1] and rate_V != _RATES[1]):
+            raise ConfigError("rate_W, rate_V: a law that is given has a gain of its own")
+        if all(given) and e_modification != _RATES[2]:
+            raise ConfigError("e_modification: laws that are given have mechanisms of their own")
         self.n_inputs, self.n_hidden = whole("n_inputs", n_inputs), whole("n_hidden", n_hidden)
         self.n_outputs = whole("n_outputs", n_outputs)
         self.initial_std = number("initial_std", initial_std, NONNEGATIVE)
-        self.rate_W: Tensor
-        self.rate_V: Tensor
-        self.e_modification: Tensor
-        self.declare("rate_W", rate_W, NonNegative())
-        self.declare("rate_V", rate_V, NonNegative())
-        self.declare("e_modification", e_modification, NonNegative())
+        leak = EModification(e_modification)  # one constant, of both laws
+        if law_W is None:
+            law_W = AdaptiveLaw(ConstantGain(rate_W, "rate_W"), leak)
+        if law_V is None:
+            law_V = AdaptiveLaw(ConstantGain(rate_V, "rate_V"), leak)
+        self.law_W, self.law_V = of_network("law_W", law_W), of_network("law_V", law_V)
         self.initial_V: Tensor
         self.initial_b_v: Tensor
         draw = self._draw((), torch.Generator().manual_seed(0))
@@ -146,54 +160,74 @@ class AdaptiveNetwork(FeatureNetwork):
         """|W|_F + |V|_F (...,)."""
         return frobenius(state.W) + frobenius(state.V)
 
+    def initial_laws(self, batch_shape: Sequence[int]) -> tuple[Any, Any]:
+        """Of W, b_w, V and b_v, each None where its law keeps nothing."""
+        wide = [(self.n_hidden, self.n_outputs), (1, self.n_outputs)]
+        wide += [(self.n_inputs, self.n_hidden), (1, self.n_hidden)]
+        each = list(zip(self.laws, wide, strict=True))
+        state = LawTrees(*(law.initial_state(*size, batch_shape) for law, size in each))
+        mode = LawTrees(*(law.initial_mode(*size, batch_shape) for law, size in each))
+        return state if leaves(state) else None, mode if leaves(mode) else None
+
     def derivative(
         self,
         nn_input: Tensor,
         features: Features,
-        feedback: Tensor,
+        drive: Drive,
         correction: Tensor,
-        error_norm: Tensor,
         state: NetworkState,
-    ) -> NetworkState:
-        """Update law (eq. NNupdate) for error feedback h_e' = r (..., n).
+        laws: LawTrees | None,
+        mode: LawTrees | None,
+    ) -> tuple[NetworkState, LawTrees | None]:
+        """Of W and b_w, driven by r, and of V and b_v, by sigma' W r: eq. (NNupdate)."""
+        drives = self._drives(nn_input, features, drive, correction)
+        held = laws or NO_LAWS, mode or NO_LAWS
+        each = zip(self.laws, drives, as_columns(state), *held, strict=True)
+        moved = [law(*given) for law, *given in each]
+        W, b_w, V, b_v = (rate for rate, _ in moved)
+        rates = NetworkState(W, b_w.squeeze(-2), V, b_v.squeeze(-2))
+        return rates, None if laws is None else LawTrees(*(own for _, own in moved))
 
-        `correction` is W r (..., N) and `error_norm` |e| (...,).
-        """
-        decay = (self.e_modification * error_norm).unsqueeze(-1)
-        regressor = features.hidden - features.slope * features.pre
-        back = features.slope * correction
-        rate_W, rate_V, matrix_decay = (
-            self.rate_W.unsqueeze(-1),
-            self.rate_V.unsqueeze(-1),
-            decay.unsqueeze(-1),
+    def jump(
+        self,
+        nn_input: Tensor,
+        features: Features,
+        drive: Drive,
+        correction: Tensor,
+        state: NetworkState,
+        laws: LawTrees | None,
+        mode: LawTrees | None,
+    ) -> tuple[LawTrees | None, LawTrees | None]:
+        """The laws' decisions."""
+        drives = self._drives(nn_input, features, drive, correction)
+        held = laws or NO_LAWS, mode or NO_LAWS
+        each = zip(self.laws, drives, as_columns(state), *held, strict=True)
+        after = [law.jump(*given) for law, *given in each]
+        return (
+            None if laws is None else LawTrees(*(own for own, _ in after)),
+            None if mode is None else LawTrees(*(decided for _, decided in after)),
         )
-        return NetworkState(
-            W=outer(rate_W * regressor, feedback).addcmul(
-                rate_W.unsqueeze(-1) * matrix_decay, state.W, value=-1
-            ),
-            b_w=rate_W * torch.addcmul(feedback, decay, state.b_w, value=-1),
-            V=outer(rate_V * nn_input, back).addcmul(
-                rate_V.unsqueeze(-1) * matrix_decay, state.V, value=-1
-            ),
-            b_v=rate_V * torch.addcmul(back, decay, state.b_v, value=-1),
-        )
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """Of W, b_w, V and b_v: a bias is a row of weights on 1."""
+        return self.law_W, self.law_W, self.law_V, self.law_V
+
+    def _drives(
+        self, nn_input: Tensor, features: Features, drive: Drive, correction: Tensor
+    ) -> list[Drive]:
+        one = torch.ones_like(nn_input[..., :1, None])
+        above = (features.hidden - features.slope * features.pre).unsqueeze(-1)
+        back = (features.slope * correction).unsqueeze(-2)
+        below = drive._replace(regressor=nn_input.unsqueeze(-1), error=back)
+        return [
+            drive._replace(regressor=above),
+            drive._replace(regressor=one),
+            below,
+            below._replace(regressor=one),
+        ]
 
     def input_slope(self, features: Features, state: NetworkState, first: int, n: int) -> Tensor:
         """d(W' sigma)/d x~ over `n` inputs from number `first`: W' diag(sigma') V', (..., n, n)."""
         rows = state.V[..., first : first + n, :] * features.slope.unsqueeze(-2)
         return (rows @ state.W).mT
-
-
-def equal_parameter_hidden(n_inputs: int, n_outputs: int, n_hidden: int, n_slots: int) -> int:
-    """Neurons of the plain network with as many parameters as a network with a memory.
-
-    The memory counts n_s N numbers (paper, scenario 1). With I inputs, n outputs, N neurons and
-    S slots the controller with memory has N (I + 1 + n + S) + n parameters; the plain network has
-    N' (I + 1 + n) + n. The nearest whole N' is returned: 14 for the paper's arm.
-
-    Raises `KindError`, and `ConfigError` for a size below 1 or fewer than no slots.
-    """
-    n_inputs, n_outputs = whole("n_inputs", n_inputs), whole("n_outputs", n_outputs)
-    n_hidden, n_slots = whole("n_hidden", n_hidden), whole("n_slots", n_slots, least=0)
-    per_neuron = n_inputs + 1 + n_outputs
-    return round(n_hidden * (per_neuron + n_slots) / per_neuron)

@@ -8,9 +8,9 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from ..checks import whole
-from ..interface import Interface
-from ..types import ReferenceSample, TrackingError
+from ...checks import whole
+from ...interface import Interface
+from ...types import ReferenceSample, TrackingError
 
 
 class NetworkInputs(Interface, nn.Module):
@@ -47,3 +47,19 @@ class ErrorsAndReference(NetworkInputs):
         """(..., 5n)."""
         s, ds, dds = reference.upto(2)
         return torch.cat([tracking.error, tracking.error_rate, s, ds, dds], dim=-1)
+
+
+class Measured(NetworkInputs):
+    """What is measured, all numbers of it, I = `width`. Raises `ConfigError`, `KindError`."""
+
+    reference_order = 0
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.width = whole("width", width)
+
+    def forward(
+        self, tracking: TrackingError, reference: ReferenceSample, measurement: Any
+    ) -> Tensor:
+        """(..., Y)."""
+        return torch.cat(list(measurement), dim=-1)

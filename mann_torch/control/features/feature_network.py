@@ -9,9 +9,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ..constraints import DesignModule
-from ..interface import Interface
-from ..types import Features
+from ...constraints import DesignModule
+from ...interface import Interface
+from ...types import Features
+from ..laws import Drive, Law
 
 
 class FeatureNetwork(Interface, DesignModule):
@@ -22,11 +23,12 @@ class FeatureNetwork(Interface, DesignModule):
     1. `n_inputs` I, `n_hidden` N and `n_outputs` m say its sizes.
     2. Weights are a NamedTuple of the network's own, (..., *event). `initial_state` gives them of
        the batch shape it is told, and has no random number but from its generator; `check_state`
-       gives that batch shape, and refuses what does not fit; `expand` gives a batch of them.
+       gives that batch shape, and refuses what does not fit; `expand` gives a batch of them. What
+       its `laws` keep and decide lies beside them, as `initial_laws` gives it.
     3. `features` gives sigma (..., N), `output` (..., m), `correction` (..., N), `magnitude` (...,)
-       >= 0, `derivative` a tree like the weights. They are functions of their arguments and of
-       declared constants alone, for any batch at once, decided by `where`, in float64. Gradients
-       reach them all.
+       >= 0, `derivative` trees like the weights and like what laws keep. They are functions of
+       their arguments and of declared constants alone, for any batch at once, decided by `where`,
+       in float64. Gradients reach them all.
     4. `output` is W' hidden + what does not depend on hidden, and `correction` is W r with that W.
     5. `input_slope` gives (..., m, n), or None; it may be approximate.
     """
@@ -69,17 +71,40 @@ class FeatureNetwork(Interface, DesignModule):
     def magnitude(self, state: Any) -> Tensor:
         """Sum of the weights' Frobenius norms (...,), for the robustifying gain."""
 
+    @property
+    @abstractmethod
+    def laws(self) -> tuple[Law, ...]:
+        """The laws that move its weights."""
+
+    @abstractmethod
+    def initial_laws(self, batch_shape: Sequence[int]) -> tuple[Any, Any]:
+        """What its laws keep and decide at t = 0: two trees, or None."""
+
     @abstractmethod
     def derivative(
         self,
         nn_input: Tensor,
         features: Features,
-        feedback: Tensor,
+        drive: Drive,
         correction: Tensor,
-        error_norm: Tensor,
         state: Any,
-    ) -> Any:
-        """Update law for error feedback r (..., m), W r (..., N) and |e| (...,)."""
+        laws: Any,
+        mode: Any,
+    ) -> tuple[Any, Any]:
+        """Of the weights and of what laws keep, driven by r (..., m), with W r (..., N)."""
+
+    @abstractmethod
+    def jump(
+        self,
+        nn_input: Tensor,
+        features: Features,
+        drive: Drive,
+        correction: Tensor,
+        state: Any,
+        laws: Any,
+        mode: Any,
+    ) -> tuple[Any, Any]:
+        """What laws keep and decide after the decisions of one instant."""
 
     def input_slope(self, features: Features, state: Any, first: int, n: int) -> Tensor | None:
         """d(W' sigma)/d x~ over n inputs from number `first` (..., m, n); None: not solved for."""
