@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ..checks import number, whole
 from ..constraints import DesignModule, FiniteRow, PositiveRow
-from ..errors import ShapeError
+from ..errors import DomainError, ShapeError
 from ..functional import Numbers, as_float64, times_column
 from ..interface import Interface
 from ..types import MOST_DERIVATIVES, ReferenceSample
@@ -52,7 +52,8 @@ class LinearModel(ReferenceModel):
     `A` (d, d), `B` (d, p), `C` (p, d; the identity if not given). `observer_gain` L (d, p) makes it
     a closed-loop reference model (Gibson et al., arXiv 1304.7278). `start` (d,) is x_m(0), 0 if not
     given. It has as many derivatives as the command does not enter but by the last: its relative
-    degree, at most 4. Constants: `A`, `B`, `C` and `observer_gain`, each row by row in one row of numbers.
+    degree, at most 4. Constants: `A`, `B`, `C` and `observer_gain`, each row by row in one row of
+    numbers.
 
     Raises `ShapeError`, `DomainError`, `KindError` or `DtypeError`.
     """
@@ -108,6 +109,16 @@ class LinearModel(ReferenceModel):
         width = self.width if name in ("B", "observer_gain") else self.size
         return rows.unflatten(-1, (-1, width))
 
+    def check_together(self) -> None:
+        """Raise `DomainError` where matrices that were set later have a lower relative degree."""
+        into = [self._matrix(name) for name in ("B", "observer_gain") if hasattr(self, name)]
+        found = _relative_degree(self._matrix("A"), into, self._matrix("C"))
+        if found < self.order:
+            raise DomainError(
+                f"A, B and C have relative degree {found}, the model was made with {self.order}: "
+                "its derivatives would lack the command's; make a new one"
+            )
+
     def initial_state(self, command: ReferenceSample, output: Tensor) -> Tensor:
         """`start` (..., d)."""
         return self.start.expand(*output.shape[:-1], self.size)
@@ -129,7 +140,8 @@ class LinearModel(ReferenceModel):
             # No command, nor output, before the last derivative: C A^k B = 0, C A^k L = 0.
             C = C @ self._matrix("A")
             parts.append(times_column(C, rates))
-        return ReferenceSample(*parts, command=command.value, state=state)
+        made = ReferenceSample(*parts)
+        return made._replace(command=command.value, state=state)
 
 
 def _relative_degree(A: Tensor, into: list[Tensor], C: Tensor) -> int:
