@@ -44,11 +44,14 @@ class Controller(Interface, DesignModule):
        instant changes nothing (relaxed decisions alone go on, by shares). The state jumps only if
        it `reallocates`; if it `switches`, its mode is a `MemoryMode`, and `proximity` and
        `reallocate` are there.
-    7. `input_gains` are None, or (..., m, Y) and (..., m); they may be approximate.
+    7. What it does from time to time it times itself (`control.timing`), and says `periods`.
+    8. `input_gains` are None, or (..., m, Y) and (..., m); they may be approximate.
     """
 
     #: Derivatives of the reference that it asks for.
     reference_order = 0
+    #: Periods [s] at whose multiples a step is to end: its `jump` samples there.
+    periods: tuple[float, ...] = ()
     #: Whether `jump` can change the continuous state (reallocation).
     reallocates = False
     #: Whether its mode is a `MemoryMode` of branches whose events `proximity` compares.

@@ -117,6 +117,11 @@ class MannController(Controller):
         return self.approximator.reallocates
 
     @property
+    def periods(self) -> tuple[float, ...]:  # type: ignore[override]
+        """Of its laws."""
+        return self.approximator.periods
+
+    @property
     def switches(self) -> bool:  # type: ignore[override]
         """Whether the memory attends one slot at a time."""
         return self.approximator.switches

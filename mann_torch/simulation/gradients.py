@@ -35,11 +35,12 @@ def check_gradient(
             f"gradient = 'hybrid': events are located in steps of the implicit solver, not of "
             f"{solver.name}"
         )
-    samples = loop is not None and instance("loop", loop, ClosedLoop).samples
-    if loop is not None and samples and locates_events(gradient, loop):
+    if loop is None or not locates_events(gradient, instance("loop", loop, ClosedLoop)):
+        return
+    if loop.samples or loop.controller.periods:
         raise ConfigError(
-            "gradient = 'hybrid': with a clock or a sensor that samples, decisions fall on ticks, "
-            "without a time of their own: take 'plain'"
+            "gradient = 'hybrid': with a clock, a sensor or a law that samples, decisions fall on "
+            "ticks, without a time of their own: take 'plain'"
         )
 
 

@@ -95,7 +95,8 @@ def grid_of(loop: ClosedLoop, scenario: Scenario, dt: float) -> StepGrid:
     """The steps of a rollout: they end on jumps of parameters, and on ticks."""
     jumps = scenario.surroundings.jumps(scenario.end)
     before = [time for time in jumps if time < scenario.end - MERGE]
-    return StepGrid(scenario.end, scenario.knots(), dt, trains_of(loop) or (), before)
+    trains = [*(trains_of(loop) or ()), *map(Train, loop.controller.periods)]
+    return StepGrid(scenario.end, scenario.knots(), dt, trains, before)
 
 
 def task_of(

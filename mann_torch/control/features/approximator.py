@@ -72,6 +72,11 @@ class Approximator(DesignModule):
         return any(law.resets for law in self.network.laws)
 
     @property
+    def periods(self) -> tuple[float, ...]:
+        """Periods [s] at whose multiples its laws sample."""
+        return tuple(period for law in self.network.laws for period in law.periods)
+
+    @property
     def switches(self) -> bool:
         """Whether the memory attends one slot at a time."""
         return self.memory is not None and self.memory.attention.switches

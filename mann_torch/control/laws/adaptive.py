@@ -75,6 +75,11 @@ class AdaptiveLaw(Law):
         return frozenset().union(*(part.needs for part in self.parts))
 
     @property
+    def periods(self) -> tuple[float, ...]:
+        """Of all its mechanisms."""
+        return tuple(period for part in self.parts for period in part.periods)
+
+    @property
     def resets(self) -> bool:
         """Whether one of them does."""
         return any(part.resets for part in self.parts)

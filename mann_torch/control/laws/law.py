@@ -28,7 +28,8 @@ class Law(Interface, DesignModule):
        says by `decays` that they move towards 0, or needs a `pair`, whose own error drives too.
     5. `needs` names what it reads of a `Drive` beyond regressor and error: "error_norm", "excess",
        "pair". A controller that has no such thing refuses the law.
-    6. `jump` twice at one instant is `jump` once.
+    6. `jump` twice at one instant is `jump` once. What it does from time to time it times itself
+       (`control.timing`), and says `periods`.
     """
 
     @property
@@ -40,6 +41,11 @@ class Law(Interface, DesignModule):
     def needs(self) -> frozenset[str]:
         """Fields of `Drive` that it reads and not every controller has."""
         return frozenset()
+
+    @property
+    def periods(self) -> tuple[float, ...]:
+        """Periods [s] at whose multiples its `jump` samples."""
+        return ()
 
     @property
     def resets(self) -> bool:

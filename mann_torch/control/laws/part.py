@@ -28,6 +28,11 @@ class LawPart(Interface, DesignModule):
         return frozenset()
 
     @property
+    def periods(self) -> tuple[float, ...]:
+        """Periods [s] at whose multiples its `jump` samples."""
+        return ()
+
+    @property
     def resets(self) -> bool:
         """Whether `jump` can change its state."""
         return False
