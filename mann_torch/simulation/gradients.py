@@ -39,8 +39,8 @@ def check_gradient(
         return
     if loop.samples or loop.controller.periods:
         raise ConfigError(
-            "gradient = 'hybrid': with a clock, a sensor or a law that samples, decisions fall on "
-            "ticks, without a time of their own: take 'plain'"
+            "gradient = 'hybrid': with a clock or a sensor that samples, or a law that does, "
+            "decisions fall on ticks, without a time of their own: take 'plain'"
         )
 
 
