@@ -47,6 +47,8 @@ PASSIVE = {
     *("NLinkParameters", "NLinkCoefficients", "FlexibleJointParameters", "CartPoleParameters"),
     *("FlexibleJointCoefficients", "LinearParameters", "LinearCoefficients", "WingRockParameters"),
     *("PendulumParameters", "PendulumCoefficients", "DoubleIntegratorParameters"),
+    *("Drive", "Pair", "Approximation", "Gain", "GainInForce", "Gate", "Guard", "Leak", "Term"),
+    *("LawPart", "Basis"),
     *("noise_at", "scaled"),  # tensor maths inside the rollout
 }
 

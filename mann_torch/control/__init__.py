@@ -1,6 +1,7 @@
 """Controllers. They know nothing of arms, signals or solvers."""
 
 from ..registry import Registry
+from .boundary_layer import BoundaryLayer
 from .controller import Controller
 from .features import (
     BASES,
@@ -22,6 +23,7 @@ from .features import (
     RadialBasis,
     equal_parameter_hidden,
 )
+from .integral import IntegralAction
 from .laws import (
     LAW_PARTS,
     LAWS,
@@ -61,6 +63,7 @@ __all__ = [
     "Approximation",
     "Approximator",
     "Basis",
+    "BoundaryLayer",
     "Constant",
     "ConstantGain",
     "Controller",
@@ -75,6 +78,7 @@ __all__ = [
     "Gate",
     "Guard",
     "Identity",
+    "IntegralAction",
     "Joined",
     "Law",
     "LawPart",

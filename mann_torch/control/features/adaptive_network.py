@@ -56,11 +56,11 @@ class AdaptiveNetwork(FeatureNetwork):
         law_V: Law | None = None,
     ) -> None:
         super().__init__()
-        given = (law_W is not None, law_V is not None)
-        if (given[0] and rate_W != _RATES[0]) or (given[1] and rate_V != _RATES[1]):
-            raise ConfigError("rate_W, rate_V: a law that is given has a gain of its own")
-        if all(given) and e_modification != _RATES[2]:
-            raise ConfigError("e_modification: laws that are given have mechanisms of their own")
+        for law, rate, default in ((law_W, rate_W, _RATES[0]), (law_V, rate_V, _RATES[1])):
+            if law is not None and rate is not default:
+                raise ConfigError("rate_W, rate_V: a law that is given has a gain of its own")
+        if law_W is not None and law_V is not None and e_modification is not _RATES[2]:
+            raise ConfigError("e_modification: laws that are given have leaks of their own")
         self.n_inputs, self.n_hidden = whole("n_inputs", n_inputs), whole("n_hidden", n_hidden)
         self.n_outputs = whole("n_outputs", n_outputs)
         self.initial_std = number("initial_std", initial_std, NONNEGATIVE)
