@@ -23,7 +23,7 @@ CALLS: dict[str, Call] = {
         },
     ),
     "ErrorsAndReference": (control.ErrorsAndReference, {"n_joints": 2}),
-    "ConstantGain": (control.ConstantGain, {"adaptation_rate": 2.0, "name": "rate_W"}),
+    "ConstantGain": (control.ConstantGain, {"adaptation_rate": 2.0, "name": "adaptation_rate"}),
     "AdaptiveLaw": (
         lambda parts: control.AdaptiveLaw(parts),
         {"parts": control.ConstantGain(2.0)},
