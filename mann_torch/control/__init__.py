@@ -1,6 +1,7 @@
 """Controllers. They know nothing of arms, signals or solvers."""
 
 from ..registry import Registry
+from .boundary_layer import BoundaryLayer
 from .controller import Controller
 from .features import (
     BASES,
@@ -22,6 +23,7 @@ from .features import (
     RadialBasis,
     equal_parameter_hidden,
 )
+from .integral import IntegralAction
 from .laws import (
     LAW_PARTS,
     LAWS,
@@ -43,11 +45,15 @@ from .laws import (
 )
 from .linear_feedback import LinearFeedback
 from .mann import MannController
+from .mechanics import Mechanics
 from .robust import RobustGain
+from .slotine_li import SlotineLi
 from .tracking import FilteredTracking
 
 CONTROLLERS: Registry[Controller] = Registry(
-    "controller", Controller, {"mann": MannController, "linear_feedback": LinearFeedback}
+    "controller",
+    Controller,
+    {"mann": MannController, "linear_feedback": LinearFeedback, "slotine_li": SlotineLi},
 )
 
 __all__ = [
@@ -61,6 +67,7 @@ __all__ = [
     "Approximation",
     "Approximator",
     "Basis",
+    "BoundaryLayer",
     "Constant",
     "ConstantGain",
     "Controller",
@@ -75,6 +82,7 @@ __all__ = [
     "Gate",
     "Guard",
     "Identity",
+    "IntegralAction",
     "Joined",
     "Law",
     "LawPart",
@@ -84,12 +92,14 @@ __all__ = [
     "LinearNetwork",
     "MannController",
     "Measured",
+    "Mechanics",
     "NetworkInputs",
     "Pair",
     "Projection",
     "RadialBasis",
     "RobustGain",
     "SigmaModification",
+    "SlotineLi",
     "Term",
     "equal_parameter_hidden",
 ]

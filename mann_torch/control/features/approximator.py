@@ -14,6 +14,7 @@ from ...errors import ConfigError
 from ...memory import WorkingMemory
 from ...types import ControllerState, Features, MemoryMode, MemoryState, Proximity
 from ..laws import Drive
+from ..laws.needs import check_needs
 from .feature_network import FeatureNetwork
 
 
@@ -55,12 +56,7 @@ class Approximator(DesignModule):
             )
         self.memory = memory
         for law in network.laws:
-            lacking = sorted(law.needs - set(offers))
-            if lacking:
-                raise ConfigError(
-                    f"law: {type(law).__name__} needs {', '.join(lacking)} of a drive, this "
-                    f"controller gives {', '.join(sorted(offers)) or 'none of it'}"
-                )
+            check_needs(law, offers)
 
     @property
     def reallocates(self) -> bool:
