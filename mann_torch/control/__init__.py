@@ -46,6 +46,7 @@ from .laws import (
 from .linear_feedback import LinearFeedback
 from .mann import MannController
 from .mechanics import Mechanics
+from .meta_adaptive import MetaAdaptive
 from .robust import RobustGain
 from .slotine_li import SlotineLi
 from .tracking import FilteredTracking
@@ -53,7 +54,7 @@ from .tracking import FilteredTracking
 CONTROLLERS: Registry[Controller] = Registry(
     "controller",
     Controller,
-    {"mann": MannController, "linear_feedback": LinearFeedback, "slotine_li": SlotineLi},
+    {"mann": MannController, "linear_feedback": LinearFeedback, "meta_adaptive": MetaAdaptive, "slotine_li": SlotineLi},
 )
 
 __all__ = [
@@ -93,6 +94,7 @@ __all__ = [
     "MannController",
     "Measured",
     "Mechanics",
+    "MetaAdaptive",
     "NetworkInputs",
     "Pair",
     "Projection",

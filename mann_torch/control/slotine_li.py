@@ -9,13 +9,14 @@ import torch
 from torch import Tensor
 
 from ..checks import instance
-from ..constraints import Finite, SymmetricPositiveDefinite
+from ..constraints import Finite
 from ..errors import ShapeError
 from ..functional import Numbers, as_float64, times_column
 from ..trees import portable
 from ..types import ControlOutput, InputGains, Measurement, Mode, ReferenceSample, TrackingError
 from .boundary_layer import BoundaryLayer
 from .controller import Controller
+from .error_feedback import ErrorFeedback
 from .integral import IntegralAction
 from .laws import AdaptiveLaw, Drive, Law
 from .laws.needs import check_needs
@@ -71,17 +72,14 @@ class SlotineLi(Controller):
         self.n_joints, self.n_parameters = mechanics.n_joints, parameter_count(mechanics)
         self.law = instance("law", AdaptiveLaw() if law is None else law, Law)
         check_needs(self.law, {"error_norm"})
-        n, k = self.n_joints, self.n_parameters
-        self.tracking = FilteredTracking(n, error_gain)
-        self.feedback: Tensor
-        self.declare("feedback", feedback, SymmetricPositiveDefinite(), (n, n))
+        self.tracking = FilteredTracking(self.n_joints, error_gain)
+        self.pushing = ErrorFeedback(self.n_joints, feedback, robust, integral)
+        k = self.n_parameters
         rows = Finite().check("start", as_float64(start, "start").detach())
         if rows.dim() and rows.shape[-1] != k:
             raise ShapeError(f"start of shape {tuple(rows.shape)}: give {k} numbers, or one")
         self.start: Tensor
         self.register_buffer("start", (rows if rows.dim() else rows.expand(k)).clone())
-        self.robust = None if robust is None else instance("robust", robust, BoundaryLayer)
-        self.integral = None if integral is None else instance("integral", integral, IntegralAction)
 
     @property
     def reallocates(self) -> bool:  # type: ignore[override]
@@ -107,10 +105,10 @@ class SlotineLi(Controller):
     ) -> tuple[SlotineLiState, Mode]:
         """State and the law's mode at t = 0. Raises `KindError`."""
         check_measured(measurement)
-        batch, sizes = tuple(batch_shape), (self.n_parameters, 1, batch_shape)
-        estimate = self.start.expand(*batch, self.n_parameters).unsqueeze(-1)
-        z = None if self.integral is None else self.integral.initial_state(self.n_joints, batch)
-        state = SlotineLiState(estimate, self.law.initial_state(*sizes), z)
+        sizes = (self.n_parameters, 1, batch_shape)
+        estimate = self.start.expand(*batch_shape, self.n_parameters).unsqueeze(-1)
+        integral = self.pushing.initial_state(batch_shape)
+        state = SlotineLiState(estimate, self.law.initial_state(*sizes), integral)
         return state, self.law.initial_mode(*sizes)
 
     def forward(
@@ -124,11 +122,7 @@ class SlotineLi(Controller):
         tracking, Y = self._look(reference, measurement)
         r = tracking.filtered_error
         ahead = (Y @ state.estimate)[..., 0]
-        tau = ahead + times_column(self.feedback, r)
-        if self.robust is not None:
-            tau = tau + self.robust(r)
-        if self.integral is not None and state.integral is not None:
-            tau = tau + self.integral(state.integral)
+        tau = ahead + self.pushing(r, state.integral)
         rate, kept = self.law(_drive(tracking, Y), state.estimate, state.laws, mode)
         rates = SlotineLiState(rate, kept, None if state.integral is None else r)
         return ControlOutput(tau, rates, SlotineLiSignals(tracking, ahead))
@@ -151,9 +145,7 @@ class SlotineLi(Controller):
         self, reference: ReferenceSample, output: ControlOutput, state: SlotineLiState
     ) -> InputGains:
         """Of the feedback of r, K_D [Lambda, 1]; the regressor's part is not solved for."""
-        rate = self.feedback.expand(*output.input.shape, self.n_joints)
-        if self.robust is not None:
-            rate = rate + self.robust.slope(output.signals.tracking.filtered_error)
+        rate = self.pushing.slope(output.signals.tracking.filtered_error)
         return tracking_gains(rate @ self.tracking.error_gain, rate, reference)
 
     def _look(
