@@ -54,7 +54,12 @@ from .tracking import FilteredTracking
 CONTROLLERS: Registry[Controller] = Registry(
     "controller",
     Controller,
-    {"mann": MannController, "linear_feedback": LinearFeedback, "meta_adaptive": MetaAdaptive, "slotine_li": SlotineLi},
+    {
+        "mann": MannController,
+        "linear_feedback": LinearFeedback,
+        "meta_adaptive": MetaAdaptive,
+        "slotine_li": SlotineLi,
+    },
 )
 
 __all__ = [
