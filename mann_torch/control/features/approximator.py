@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from ...checks import instance
+from ...checks import instance, several
 from ...constraints import DesignModule
 from ...errors import ConfigError
 from ...memory import WorkingMemory
@@ -55,8 +55,9 @@ class Approximator(DesignModule):
                 f"N = {held} neurons: they must be equal"
             )
         self.memory = memory
+        given = several("offers", offers, str)
         for law in network.laws:
-            check_needs(law, offers)
+            check_needs(law, given)
 
     @property
     def reallocates(self) -> bool:
