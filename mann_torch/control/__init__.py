@@ -45,11 +45,21 @@ from .laws import (
 )
 from .linear_feedback import LinearFeedback
 from .mann import MannController
+from .mechanics import Mechanics
+from .meta_adaptive import MetaAdaptive
 from .robust import RobustGain
+from .slotine_li import SlotineLi
 from .tracking import FilteredTracking
 
 CONTROLLERS: Registry[Controller] = Registry(
-    "controller", Controller, {"mann": MannController, "linear_feedback": LinearFeedback}
+    "controller",
+    Controller,
+    {
+        "mann": MannController,
+        "linear_feedback": LinearFeedback,
+        "meta_adaptive": MetaAdaptive,
+        "slotine_li": SlotineLi,
+    },
 )
 
 __all__ = [
@@ -88,12 +98,15 @@ __all__ = [
     "LinearNetwork",
     "MannController",
     "Measured",
+    "Mechanics",
+    "MetaAdaptive",
     "NetworkInputs",
     "Pair",
     "Projection",
     "RadialBasis",
     "RobustGain",
     "SigmaModification",
+    "SlotineLi",
     "Term",
     "equal_parameter_hidden",
 ]
