@@ -22,6 +22,7 @@ from .features import (
     RadialBasis,
     equal_parameter_hidden,
 )
+from .labels import LABELS, FilteredLabels, Labels, MeasuredLabels
 from .laws import (
     LAW_PARTS,
     LAWS,
@@ -43,23 +44,30 @@ from .laws import (
 )
 from .linear_feedback import LinearFeedback
 from .mann import MannController
+from .mrac import Mrac
 from .robust import RobustGain
+from .saturation import SATURATIONS, AugmentedError, Hedging, MuModification, Saturation
 from .tracking import FilteredTracking
 
 CONTROLLERS: Registry[Controller] = Registry(
-    "controller", Controller, {"mann": MannController, "linear_feedback": LinearFeedback}
+    "controller",
+    Controller,
+    {"mann": MannController, "linear_feedback": LinearFeedback, "mrac": Mrac},
 )
 
 __all__ = [
     "BASES",
     "CONTROLLERS",
+    "LABELS",
     "LAWS",
     "LAW_PARTS",
     "NETWORKS",
+    "SATURATIONS",
     "AdaptiveLaw",
     "AdaptiveNetwork",
     "Approximation",
     "Approximator",
+    "AugmentedError",
     "Basis",
     "Constant",
     "ConstantGain",
@@ -68,14 +76,17 @@ __all__ = [
     "EModification",
     "ErrorsAndReference",
     "FeatureNetwork",
+    "FilteredLabels",
     "FilteredTracking",
     "FunctionBasis",
     "Gain",
     "GainInForce",
     "Gate",
     "Guard",
+    "Hedging",
     "Identity",
     "Joined",
+    "Labels",
     "Law",
     "LawPart",
     "Layers",
@@ -84,11 +95,15 @@ __all__ = [
     "LinearNetwork",
     "MannController",
     "Measured",
+    "MeasuredLabels",
+    "Mrac",
+    "MuModification",
     "NetworkInputs",
     "Pair",
     "Projection",
     "RadialBasis",
     "RobustGain",
+    "Saturation",
     "SigmaModification",
     "Term",
     "equal_parameter_hidden",

@@ -1,0 +1,5 @@
+"""Model-reference adaptive control."""
+
+from .mrac import Mrac
+
+__all__ = ["Mrac"]
