@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ...checks import instance
-from ...errors import ConfigError, ShapeError
+from ...errors import ShapeError
 from ...functional import Numbers, times_column
 from ...memory import WorkingMemory
 from ...trees import portable
@@ -23,7 +23,9 @@ from ..laws import Drive
 from ..matrices import MatrixConstants
 from ..saturation import Saturation
 from .following import check_followed, followed
+from .known_feedback import KnownFeedback
 from .lyapunov import error_gain_of
+from .measured_state import check_measured_state, state_of
 
 
 @portable
@@ -84,13 +86,7 @@ class Mrac(MatrixConstants, AdaptiveController):
                 f"a network of {network.n_inputs} inputs and {network.n_outputs} outputs: "
                 f"error_gain is ({m}, {n}), so give n + p > {n} inputs and {m} outputs"
             )
-        for name, value, columns in (
-            ("state_feedback", feedback, n),
-            ("command_gain", feedforward, p),
-            ("error_feedback", error_feedback, n),
-        ):
-            if value is not None:
-                self.declare_matrix(name, value, m, columns)
+        self.known = KnownFeedback((m, n, p), feedback, feedforward, error_feedback)
         self.robust = None if robust is None else instance("robust", robust, BoundaryLayer)
         self.integral = None if integral is None else instance("integral", integral, IntegralAction)
         self.saturation = saturation
@@ -142,7 +138,7 @@ class Mrac(MatrixConstants, AdaptiveController):
         weights: Any = None,
     ) -> tuple[MracState, Mode]:
         """State and mode at t = 0. Raises `ConfigError` without a reference model, `ShapeError`."""
-        self._check_measured(measurement)
+        check_measured_state(measurement, self._field, self.n_inputs, self.n_states)
         check_followed("Mrac", reference, self.n_commands, self.n_states)
         seen = self._seen(reference, measurement, None)
         x = seen.context
@@ -158,30 +154,16 @@ class Mrac(MatrixConstants, AdaptiveController):
             filters = self.labels.initial_state(self.network.n_hidden, x, batch_shape)
         return MracState(adaptive, integral, kept, filters), mode
 
-    def _check_measured(self, measurement: Any) -> None:
-        field = None if self.labels is None else self.labels.field
-        names = measurement._fields
-        if field is not None and (len(names) < 2 or names[-1] != field):
-            raise ConfigError(
-                f"labels: '{field}' must be the last field of the measurement, after the state's, "
-                f"which has {', '.join(names)}"
-            )
-        if field is not None and getattr(measurement, field).shape[-1] != self.n_inputs:
-            raise ShapeError(f"labels: '{field}' must have {self.n_inputs} numbers, one an input")
-        found = sum(part.shape[-1] for part in self._state_of(measurement))
-        if found != self.n_states:
-            raise ShapeError(f"error_gain of {self.n_states} states: {found} are measured")
-
-    def _state_of(self, measurement: Any) -> list[Tensor]:
-        apart = self.labels is not None and self.labels.field is not None
-        return list(measurement)[: -1 if apart else None]
+    @property
+    def _field(self) -> str | None:
+        return None if self.labels is None else self.labels.field
 
     def look(self, reference: ReferenceSample, measurement: Any, state: MracState) -> Look:
         """z, s, x and e."""
         return self._seen(reference, measurement, state.saturation)
 
     def _seen(self, reference: ReferenceSample, measurement: Any, kept: Any) -> Look:
-        x = torch.cat(self._state_of(measurement), dim=-1)
+        x = torch.cat(state_of(measurement, self._field), dim=-1)
         model, command = followed("Mrac", reference)
         error = model - x
         if self.saturation is not None and kept is not None:
@@ -207,14 +189,8 @@ class Mrac(MatrixConstants, AdaptiveController):
         self, reference: ReferenceSample, seen: Look, found: Approximation, state: MracState
     ) -> Tensor:
         """u (..., m), as if nothing limited it."""
-        u = found.output
-        known = self.domains()
-        if "command_gain" in known:
-            u = u + times_column(self.matrix("command_gain"), followed("Mrac", reference)[1])
-        if "state_feedback" in known:
-            u = u - times_column(self.matrix("state_feedback"), seen.context)
-        if "error_feedback" in known:
-            u = u + times_column(self.matrix("error_feedback"), seen.error)
+        command = followed("Mrac", reference)[1]
+        u = self.known(found.output, command, seen.context, seen.error)
         if self.robust is not None:
             u = u + self.robust(seen.drive)
         if self.integral is not None and state.integral is not None:
@@ -247,16 +223,14 @@ class Mrac(MatrixConstants, AdaptiveController):
         self, reference: ReferenceSample, output: ControlOutput, state: MracState
     ) -> InputGains:
         """-d u/d x of all terms; that estimates and reference move is not counted."""
-        shown, n, known = output.signals, self.n_states, self.domains()
-        gains = torch.zeros(*shown.wanted.shape, n, dtype=shown.wanted.dtype)
-        for name in ("state_feedback", "error_feedback"):
-            gains = gains + self.matrix(name) if name in known else gains
+        shown, n = output.signals, self.n_states
+        gains = self.known.slope().expand(*shown.wanted.shape, n)
         slope = self.network.input_slope(shown.features, state.adaptive.network, 0, n)
         gains = gains if slope is None else gains - slope
         if self.robust is not None:
             gains = gains + self.robust.slope(shown.drive) @ self.matrix("error_gain")
         if self.saturation is not None:
             gains = gains * self.saturation.slope(shown.wanted).unsqueeze(-1)
-        if self.labels is not None and self.labels.field is not None:
+        if self._field is not None:
             gains = torch.nn.functional.pad(gains, (0, self.n_inputs))
         return InputGains(gains, torch.zeros_like(shown.wanted))
