@@ -1,6 +1,7 @@
 """Controllers. They know nothing of arms, signals or solvers."""
 
 from ..registry import Registry
+from .boundary_layer import BoundaryLayer
 from .controller import Controller
 from .features import (
     BASES,
@@ -22,6 +23,7 @@ from .features import (
     RadialBasis,
     equal_parameter_hidden,
 )
+from .integral import IntegralAction
 from .labels import LABELS, FilteredLabels, Labels, MeasuredLabels
 from .laws import (
     LAW_PARTS,
@@ -44,7 +46,7 @@ from .laws import (
 )
 from .linear_feedback import LinearFeedback
 from .mann import MannController
-from .mrac import Mrac
+from .mrac import InputOutputFilters, Mrac, OutputMrac
 from .robust import RobustGain
 from .saturation import SATURATIONS, AugmentedError, Hedging, MuModification, Saturation
 from .tracking import FilteredTracking
@@ -52,7 +54,12 @@ from .tracking import FilteredTracking
 CONTROLLERS: Registry[Controller] = Registry(
     "controller",
     Controller,
-    {"mann": MannController, "linear_feedback": LinearFeedback, "mrac": Mrac},
+    {
+        "mann": MannController,
+        "linear_feedback": LinearFeedback,
+        "mrac": Mrac,
+        "output_mrac": OutputMrac,
+    },
 )
 
 __all__ = [
@@ -69,6 +76,7 @@ __all__ = [
     "Approximator",
     "AugmentedError",
     "Basis",
+    "BoundaryLayer",
     "Constant",
     "ConstantGain",
     "Controller",
@@ -85,6 +93,8 @@ __all__ = [
     "Guard",
     "Hedging",
     "Identity",
+    "InputOutputFilters",
+    "IntegralAction",
     "Joined",
     "Labels",
     "Law",
@@ -99,6 +109,7 @@ __all__ = [
     "Mrac",
     "MuModification",
     "NetworkInputs",
+    "OutputMrac",
     "Pair",
     "Projection",
     "RadialBasis",

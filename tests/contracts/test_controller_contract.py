@@ -28,7 +28,7 @@ CONTROLLERS_TO_CHECK: dict[str, Callable[[], control.Controller]] = {
     **{f"mann, {name}": of_paper(name) for name in CONTROLLERS},
     "mann, kappa > 0": lambda: mt.MannController(2, 6, e_modification=0.1),
     "mann, radial basis": lambda: mt.MannController(
-        2, network=control.RadialBasisNetwork.scattered(10, 6, 2, 3.0)
+        2, network=control.LinearNetwork(control.RadialBasis.scattered(10, 6, 3.0), 2)
     ),
     "linear_feedback": lambda: control.LinearFeedback([[3.0, 2.0]], [[3.0]], 0.5),
     "linear_feedback, two inputs": lambda: control.LinearFeedback(

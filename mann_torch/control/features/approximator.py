@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from ...checks import instance
+from ...checks import instance, several
 from ...constraints import DesignModule
 from ...errors import ConfigError
 from ...memory import WorkingMemory
@@ -54,12 +54,13 @@ class Approximator(DesignModule):
                 f"N = {held} neurons: they must be equal"
             )
         self.memory = memory
+        given = several("offers", offers, str)
         for law in network.laws:
-            lacking = sorted(law.needs - set(offers))
+            lacking = sorted(law.needs - set(given))
             if lacking:
                 raise ConfigError(
                     f"law: {type(law).__name__} needs {', '.join(lacking)} of a drive, this "
-                    f"controller gives {', '.join(sorted(offers)) or 'none of it'}"
+                    f"controller gives {', '.join(sorted(given)) or 'none of it'}"
                 )
 
     @property

@@ -6,6 +6,7 @@ from typing import Any
 
 from torch import Tensor
 
+from ...checks import text
 from ...constraints import SymmetricPositiveDefinite
 from ...functional import Numbers, as_float64
 from .drive import Drive, product
@@ -22,7 +23,7 @@ class ConstantGain(Gain):
 
     def __init__(self, adaptation_rate: Numbers = 1.0, name: str = "adaptation_rate") -> None:
         super().__init__()
-        self._name = name
+        self._name = name = text("name", name)
         value = as_float64(adaptation_rate, name)
         if value.dim() == 2:
             self.declare(name, value, SymmetricPositiveDefinite(), tuple(value.shape))
