@@ -24,6 +24,7 @@ from .features import (
     equal_parameter_hidden,
 )
 from .integral import IntegralAction
+from .labels import LABELS, FilteredLabels, Labels, MeasuredLabels
 from .laws import (
     LAW_PARTS,
     LAWS,
@@ -47,7 +48,9 @@ from .linear_feedback import LinearFeedback
 from .mann import MannController
 from .mechanics import Mechanics
 from .meta_adaptive import MetaAdaptive
+from .mrac import InputOutputFilters, Mrac, OutputMrac
 from .robust import RobustGain
+from .saturation import SATURATIONS, AugmentedError, Hedging, MuModification, Saturation
 from .slotine_li import SlotineLi
 from .tracking import FilteredTracking
 
@@ -59,19 +62,24 @@ CONTROLLERS: Registry[Controller] = Registry(
         "linear_feedback": LinearFeedback,
         "meta_adaptive": MetaAdaptive,
         "slotine_li": SlotineLi,
+        "mrac": Mrac,
+        "output_mrac": OutputMrac,
     },
 )
 
 __all__ = [
     "BASES",
     "CONTROLLERS",
+    "LABELS",
     "LAWS",
     "LAW_PARTS",
     "NETWORKS",
+    "SATURATIONS",
     "AdaptiveLaw",
     "AdaptiveNetwork",
     "Approximation",
     "Approximator",
+    "AugmentedError",
     "Basis",
     "BoundaryLayer",
     "Constant",
@@ -81,15 +89,19 @@ __all__ = [
     "EModification",
     "ErrorsAndReference",
     "FeatureNetwork",
+    "FilteredLabels",
     "FilteredTracking",
     "FunctionBasis",
     "Gain",
     "GainInForce",
     "Gate",
     "Guard",
+    "Hedging",
     "Identity",
+    "InputOutputFilters",
     "IntegralAction",
     "Joined",
+    "Labels",
     "Law",
     "LawPart",
     "Layers",
@@ -98,13 +110,18 @@ __all__ = [
     "LinearNetwork",
     "MannController",
     "Measured",
+    "MeasuredLabels",
     "Mechanics",
     "MetaAdaptive",
+    "Mrac",
+    "MuModification",
     "NetworkInputs",
+    "OutputMrac",
     "Pair",
     "Projection",
     "RadialBasis",
     "RobustGain",
+    "Saturation",
     "SigmaModification",
     "SlotineLi",
     "Term",
