@@ -24,10 +24,12 @@ from .features import (
     equal_parameter_hidden,
 )
 from .integral import IntegralAction
+from .l1 import L1Adaptive, l1_gain, l1_norm
 from .laws import (
     LAW_PARTS,
     LAWS,
     AdaptiveLaw,
+    BoxProjection,
     ConstantGain,
     Drive,
     EModification,
@@ -57,6 +59,7 @@ CONTROLLERS: Registry[Controller] = Registry(
     {
         "mann": MannController,
         "linear_feedback": LinearFeedback,
+        "l1": L1Adaptive,
         "meta_adaptive": MetaAdaptive,
         "slotine_li": SlotineLi,
     },
@@ -74,6 +77,7 @@ __all__ = [
     "Approximator",
     "Basis",
     "BoundaryLayer",
+    "BoxProjection",
     "Constant",
     "ConstantGain",
     "Controller",
@@ -90,6 +94,7 @@ __all__ = [
     "Identity",
     "IntegralAction",
     "Joined",
+    "L1Adaptive",
     "Law",
     "LawPart",
     "Layers",
@@ -109,4 +114,6 @@ __all__ = [
     "SlotineLi",
     "Term",
     "equal_parameter_hidden",
+    "l1_gain",
+    "l1_norm",
 ]
