@@ -25,6 +25,7 @@ from .features import (
 )
 from .integral import IntegralAction
 from .l1 import L1Adaptive, l1_gain, l1_norm
+from .labels import LABELS, FilteredLabels, Labels, MeasuredLabels
 from .laws import (
     LAW_PARTS,
     LAWS,
@@ -49,7 +50,9 @@ from .linear_feedback import LinearFeedback
 from .mann import MannController
 from .mechanics import Mechanics
 from .meta_adaptive import MetaAdaptive
+from .mrac import InputOutputFilters, Mrac, OutputMrac
 from .robust import RobustGain
+from .saturation import SATURATIONS, AugmentedError, Hedging, MuModification, Saturation
 from .slotine_li import SlotineLi
 from .tracking import FilteredTracking
 
@@ -62,19 +65,24 @@ CONTROLLERS: Registry[Controller] = Registry(
         "l1": L1Adaptive,
         "meta_adaptive": MetaAdaptive,
         "slotine_li": SlotineLi,
+        "mrac": Mrac,
+        "output_mrac": OutputMrac,
     },
 )
 
 __all__ = [
     "BASES",
     "CONTROLLERS",
+    "LABELS",
     "LAWS",
     "LAW_PARTS",
     "NETWORKS",
+    "SATURATIONS",
     "AdaptiveLaw",
     "AdaptiveNetwork",
     "Approximation",
     "Approximator",
+    "AugmentedError",
     "Basis",
     "BoundaryLayer",
     "BoxProjection",
@@ -85,16 +93,20 @@ __all__ = [
     "EModification",
     "ErrorsAndReference",
     "FeatureNetwork",
+    "FilteredLabels",
     "FilteredTracking",
     "FunctionBasis",
     "Gain",
     "GainInForce",
     "Gate",
     "Guard",
+    "Hedging",
     "Identity",
+    "InputOutputFilters",
     "IntegralAction",
     "Joined",
     "L1Adaptive",
+    "Labels",
     "Law",
     "LawPart",
     "Layers",
@@ -103,13 +115,18 @@ __all__ = [
     "LinearNetwork",
     "MannController",
     "Measured",
+    "MeasuredLabels",
     "Mechanics",
     "MetaAdaptive",
+    "Mrac",
+    "MuModification",
     "NetworkInputs",
+    "OutputMrac",
     "Pair",
     "Projection",
     "RadialBasis",
     "RobustGain",
+    "Saturation",
     "SigmaModification",
     "SlotineLi",
     "Term",
