@@ -65,14 +65,14 @@ class PredictorGradientState(NamedTuple):
 class PredictorGradient(L1Adaptation):
     """push = B theta^'x; the law is driven by x and -B'P x~, where A_m'P + P A_m = -Q."""
 
-    def __init__(self, B: Tensor, P: Tensor, law: Law) -> None:
+    def __init__(self, B: Tensor, through: Tensor, law: Law) -> None:
         super().__init__()
         check_needs(law, {"error_norm"})
         self.law = law
         self.B: Tensor
         self.through: Tensor
         self.register_buffer("B", B.clone())
-        self.register_buffer("through", B.mT @ P)
+        self.register_buffer("through", through)
 
     @property
     def periods(self) -> tuple[float, ...]:

@@ -9,15 +9,17 @@ import torch
 from torch import Tensor
 
 from ...checks import POSITIVE, instance, number
-from ...constraints import FiniteRow, PositiveRow
+from ...constraints import PositiveRow
 from ...errors import ConfigError, ShapeError
 from ...functional import Numbers, as_float64, times_column
 from ...trees import portable
 from ...types import ControlOutput, Mode, ReferenceSample
 from ..controller import Controller
 from ..laws import AdaptiveLaw, BoxProjection, ConstantGain, Law
+from ..matrices import MatrixConstants
+from ..mrac.lyapunov import error_gain_of
 from .adaptation import L1Adaptation, PredictorGradient
-from .design import lyapunov, stable_pair
+from .design import stable_pair
 from .piecewise_constant import PiecewiseConstant
 
 
@@ -37,11 +39,11 @@ class L1Signals(NamedTuple):
     matched: Tensor  # (..., m) what it thinks acts beside the input
 
 
-class L1Adaptive(Controller):
+class L1Adaptive(MatrixConstants, Controller):
     """x^' = A_m x^ + B (u + eta^), u = -C(s) (eta^ - k_g r), C = w_c / (s + w_c), of an input each.
 
     For plants x' = A_m x + B (u + theta'x): eta^ = theta^'x, and the `law` is driven by x and
-    -B'P x~ with x~ = x^ - x, A_m'P + P A_m = -Q, Q = `weight` (a number, or SPD); the law is a gain
+    -B'P x~ with x~ = x^ - x, A_m'P + P A_m = -Q (a number, a row or SPD); the law is a gain
     of 1e4 in a box of 10 if none is given. With a `period` [s] in its place the piecewise-constant
     law finds all that acts. Source: Hovakimyan and Cao, L1 Adaptive Control Theory, 2010.
 
@@ -61,7 +63,7 @@ class L1Adaptive(Controller):
         period: float | None = None,
         bandwidth: Numbers = 30.0,
         command_gain: Numbers = 1.0,
-        weight: Numbers = 1.0,
+        Q: Numbers = 1.0,
     ) -> None:
         super().__init__()
         A, b = stable_pair(A_m, B)
@@ -75,20 +77,16 @@ class L1Adaptive(Controller):
         self.adaptation: L1Adaptation
         if period is None:
             law = AdaptiveLaw(ConstantGain(1e4), BoxProjection(10.0)) if law is None else law
-            P = lyapunov(A, weight)
-            self.adaptation = PredictorGradient(b, P, instance("law", law, Law))
+            through = error_gain_of(A, b, Q)
+            self.adaptation = PredictorGradient(b, through, instance("law", law, Law))
         else:
             self.adaptation = PiecewiseConstant(A, b, number("period", period, POSITIVE))
         gain = as_float64(command_gain, "command_gain")
         if gain.dim() == 0:
             gain = gain * torch.eye(self.n_inputs, dtype=gain.dtype)
-        if gain.dim() != 2 or len(gain) != self.n_inputs:
-            raise ShapeError(f"command_gain of shape {tuple(gain.shape)}: give a row (p,) an input")
-        self.n_outputs = gain.shape[-1]
+        self.n_outputs = self.declare_matrix("command_gain", gain, rows=self.n_inputs)[1]
         self.bandwidth: Tensor
-        self.command_gain: Tensor
         self.declare("bandwidth", bandwidth, PositiveRow(), (self.n_inputs,))
-        self.declare("command_gain", gain.reshape(-1), FiniteRow(), (gain.numel(),))
 
     @property
     def reallocates(self) -> bool:  # type: ignore[override]
@@ -130,7 +128,7 @@ class L1Adaptive(Controller):
         """u (..., m), what the filter gives."""
         x, error = _look(measurement, state)
         push, matched = self.adaptation(x, state.adaptation, mode)
-        wanted = times_column(self.command_gain.unflatten(-1, (self.n_inputs, -1)), reference.value)
+        wanted = times_column(self.matrix("command_gain"), reference.value)
         rates = L1State(
             times_column(self.A_m, state.predicted) + times_column(self.B, state.input) + push,
             self.bandwidth * (wanted - matched - state.input),

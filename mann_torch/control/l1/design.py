@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ...domains import Finite, SymmetricPositiveDefinite
+from ...domains import Finite
 from ...errors import ConfigError, ShapeError
 from ...functional import Numbers, as_float64
 
@@ -33,17 +33,3 @@ def check_stable(name: str, A: Tensor) -> float:
     if largest >= 0:
         raise ConfigError(f"{name} has an eigenvalue of real part {largest:.3g}: must be below 0")
     return -largest
-
-
-def lyapunov(A: Tensor, weight: Numbers) -> Tensor:
-    """P (d, d) of A'P + P A = -Q, Q = `weight`. Raises `ShapeError`, `DomainError`, `KindError`."""
-    d = len(A)
-    domain = SymmetricPositiveDefinite()
-    Q = domain.coerce(as_float64(weight, "weight").detach(), torch.Size((d, d)))
-    if Q.shape != (d, d):
-        raise ShapeError(f"weight of shape {tuple(Q.shape)}: give {(d, d)}, a row, or one number")
-    eye = torch.eye(d, dtype=A.dtype)
-    # Row by row, A'P is kron(A', 1) and P A is kron(1, A').
-    system = torch.kron(A.mT.contiguous(), eye) + torch.kron(eye, A.mT.contiguous())
-    P = torch.linalg.solve(system, -domain.check("weight", Q).reshape(-1)).reshape(d, d)
-    return 0.5 * (P + P.mT)
