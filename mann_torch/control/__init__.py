@@ -24,11 +24,13 @@ from .features import (
     equal_parameter_hidden,
 )
 from .integral import IntegralAction
+from .l1 import L1Adaptive, l1_gain, l1_norm
 from .labels import LABELS, FilteredLabels, Labels, MeasuredLabels
 from .laws import (
     LAW_PARTS,
     LAWS,
     AdaptiveLaw,
+    BoxProjection,
     ConstantGain,
     Drive,
     EModification,
@@ -60,6 +62,7 @@ CONTROLLERS: Registry[Controller] = Registry(
     {
         "mann": MannController,
         "linear_feedback": LinearFeedback,
+        "l1": L1Adaptive,
         "meta_adaptive": MetaAdaptive,
         "slotine_li": SlotineLi,
         "mrac": Mrac,
@@ -82,6 +85,7 @@ __all__ = [
     "AugmentedError",
     "Basis",
     "BoundaryLayer",
+    "BoxProjection",
     "Constant",
     "ConstantGain",
     "Controller",
@@ -101,6 +105,7 @@ __all__ = [
     "InputOutputFilters",
     "IntegralAction",
     "Joined",
+    "L1Adaptive",
     "Labels",
     "Law",
     "LawPart",
@@ -126,4 +131,6 @@ __all__ = [
     "SlotineLi",
     "Term",
     "equal_parameter_hidden",
+    "l1_gain",
+    "l1_norm",
 ]

@@ -2,6 +2,7 @@
 
 from ...registry import Registry
 from .adaptive import AdaptiveLaw
+from .box_projection import BoxProjection
 from .constant_gain import ConstantGain
 from .drive import Drive, Pair
 from .e_modification import EModification
@@ -20,6 +21,7 @@ LAW_PARTS: Registry[LawPart] = Registry(
         "sigma": SigmaModification,
         "e_modification": EModification,
         "projection": Projection,
+        "box_projection": BoxProjection,
     },
 )
 
@@ -27,6 +29,7 @@ __all__ = [
     "LAWS",
     "LAW_PARTS",
     "AdaptiveLaw",
+    "BoxProjection",
     "ConstantGain",
     "Drive",
     "EModification",
