@@ -147,7 +147,7 @@ def _jumped(law: Law, given: Driven) -> tuple[Any, Any]:
 
 def _check_still(law: Law, given: Driven) -> None:
     """Without an error, at t = 0."""
-    if "pair" in law.needs:
+    if law.drives:
         return
     theta, drive = given.estimate, given.drive
     still = drive._replace(
