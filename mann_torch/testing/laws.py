@@ -97,7 +97,7 @@ def _check_start(law: Law, kind: str, given: Any, make: Callable[..., Any]) -> N
     for batch in ((SAMPLES,), (2, 3), ()):
         start = partial(make, FEATURES, OUTPUTS, batch)
         state = called(law, 2, f"{name} for a batch {batch}", start)
-        wanted = map_tensors(lambda x, b=batch: x[0].expand(*b, *x.shape[1:]), given)
+        wanted = map_tensors(lambda x, b=batch: x[0].expand((*b, *x.shape[1:])), given)
         told = difference(state, wanted)
         if told is not None:
             raise broken(law, 2, f"{name} for a batch {batch}: {told}", "give (..., *event) leaves")
