@@ -22,7 +22,12 @@ WRONG: dict[str, Any] = {
 #: Arguments that may be these: of texts any, of flags True.
 TEXTS = {("Scenario", "name"), ("Scenario.stack", "name"), ("DesignModule.declare", "name")}
 TEXTS |= {("Spline.from_file", "path"), ("channels", "prefix"), ("channels", "unit")}
-TEXTS |= {("memory_figure", "title"), ("memory_figure", "t_label"), ("Ensemble", "device")}
+TEXTS |= {
+    ("ConstantGain", "name"),
+    ("memory_figure", "title"),
+    ("memory_figure", "t_label"),
+    ("Ensemble", "device"),
+}
 #: Where the message calls an argument by another name, or must not find it in a longer word.
 SAID = {
     ("Coordinates", "matrix_form"): "matrix form",
@@ -47,6 +52,8 @@ PASSIVE = {
     *("NLinkParameters", "NLinkCoefficients", "FlexibleJointParameters", "CartPoleParameters"),
     *("FlexibleJointCoefficients", "LinearParameters", "LinearCoefficients", "WingRockParameters"),
     *("PendulumParameters", "PendulumCoefficients", "DoubleIntegratorParameters"),
+    *("Drive", "Pair", "Approximation", "Gain", "GainInForce", "Gate", "Guard", "Leak", "Term"),
+    *("LawPart", "Basis"),
     *("noise_at", "scaled"),  # tensor maths inside the rollout
 }
 

@@ -19,7 +19,8 @@ from mann_torch.trees import map_tensors
 
 from ..settings.checks import check_horizon
 from ..settings.config import LoopConfig, SimulateConfig
-from .controllers import build_controller, constant, is_mann, mann_settings, paper_constants
+from .controller_kinds import is_mann, mann_settings
+from .controllers import build_controller, constant, paper_constants
 from .made import named, unknown
 from .parts import build_noise, build_parts
 from .plants import build_plant, build_start

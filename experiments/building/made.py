@@ -114,6 +114,11 @@ def _others(kind: type) -> list[Any]:
     ]
 
 
+def every_argument(kind: Any) -> set[str]:
+    """Names that its constructors take."""
+    return {name for maker in [kind, *_others(kind)] for name in _parameters(maker)}
+
+
 def _takes(
     of: Mapping[str, inspect.Parameter], given: Mapping[str, Any], supplied: Mapping[str, Any]
 ) -> bool:

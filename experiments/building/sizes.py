@@ -13,7 +13,7 @@ from mann_torch.trees import leaves
 from ..settings.checks import check_positive
 from ..settings.config import LoopConfig, SimulateConfig
 from ..settings.machine import check_memory
-from .controllers import hidden_neurons, is_mann, mann_settings
+from .controller_kinds import hidden_neurons, is_mann, mann_settings
 from .plants import build_plant
 
 _FLOAT = 8

@@ -1,6 +1,7 @@
 """Controllers. They know nothing of arms, signals or solvers."""
 
 from ..registry import Registry
+from .boundary_layer import BoundaryLayer
 from .controller import Controller
 from .features import (
     BASES,
@@ -22,6 +23,8 @@ from .features import (
     RadialBasis,
     equal_parameter_hidden,
 )
+from .integral import IntegralAction
+from .labels import LABELS, FilteredLabels, Labels, MeasuredLabels
 from .laws import (
     LAW_PARTS,
     LAWS,
@@ -51,24 +54,42 @@ from .laws import (
 )
 from .linear_feedback import LinearFeedback
 from .mann import MannController
+from .mechanics import Mechanics
+from .meta_adaptive import MetaAdaptive
+from .mrac import InputOutputFilters, Mrac, OutputMrac
 from .robust import RobustGain
+from .saturation import SATURATIONS, AugmentedError, Hedging, MuModification, Saturation
+from .slotine_li import SlotineLi
 from .tracking import FilteredTracking
 
 CONTROLLERS: Registry[Controller] = Registry(
-    "controller", Controller, {"mann": MannController, "linear_feedback": LinearFeedback}
+    "controller",
+    Controller,
+    {
+        "mann": MannController,
+        "linear_feedback": LinearFeedback,
+        "meta_adaptive": MetaAdaptive,
+        "slotine_li": SlotineLi,
+        "mrac": Mrac,
+        "output_mrac": OutputMrac,
+    },
 )
 
 __all__ = [
     "BASES",
     "CONTROLLERS",
+    "LABELS",
     "LAWS",
     "LAW_PARTS",
     "NETWORKS",
+    "SATURATIONS",
     "AdaptiveLaw",
     "AdaptiveNetwork",
     "Approximation",
     "Approximator",
+    "AugmentedError",
     "Basis",
+    "BoundaryLayer",
     "Composite",
     "ConcurrentLearning",
     "Constant",
@@ -80,6 +101,7 @@ __all__ = [
     "EModification",
     "ErrorsAndReference",
     "FeatureNetwork",
+    "FilteredLabels",
     "FilteredTracking",
     "FreezeWhileSaturated",
     "FunctionBasis",
@@ -87,8 +109,12 @@ __all__ = [
     "GainInForce",
     "Gate",
     "Guard",
+    "Hedging",
     "Identity",
+    "InputOutputFilters",
+    "IntegralAction",
     "Joined",
+    "Labels",
     "Law",
     "LawPart",
     "Layers",
@@ -98,13 +124,21 @@ __all__ = [
     "LinearNetwork",
     "MannController",
     "Measured",
+    "MeasuredLabels",
+    "Mechanics",
+    "MetaAdaptive",
+    "Mrac",
+    "MuModification",
     "NetworkInputs",
     "Normalisation",
+    "OutputMrac",
     "Pair",
     "Projection",
     "RadialBasis",
     "RobustGain",
+    "Saturation",
     "SigmaModification",
+    "SlotineLi",
     "SwitchingSigma",
     "Term",
     "equal_parameter_hidden",

@@ -96,6 +96,11 @@ class Controller(Interface, DesignModule):
             raise ConfigError(f"{type(self).__name__} takes no initial weights")
         return torch.Size()
 
+    @classmethod
+    def fed(cls, n_outputs: int, n_measured: int) -> int:
+        """How many numbers the network of a controller that takes one is fed: what is measured."""
+        return n_measured
+
     def check_fit(self, n_inputs: int, n_outputs: int) -> None:
         """Raise `ShapeError` if it is no controller for a plant of that many inputs and outputs."""
         return None

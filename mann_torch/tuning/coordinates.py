@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ..checks import choice, instance, several
-from ..constraints import DesignModule, SymmetricPositiveDefinite
+from ..constraints import DesignModule, Finite, SymmetricPositiveDefinite
 from ..errors import ConfigError, ShapeError
 
 FORMS = ("scalar", "diagonal", "full")
@@ -23,7 +23,7 @@ class _Part:
 
     name: str
     start: Tensor  # (*event)
-    form: str  # "scalar", or "diagonal" or "full" for a matrix, "diagonal" for a row
+    form: str  # "scalar", or "diagonal" or "full" for a matrix, "diagonal" or "free" for a row
     size: int
 
 
@@ -34,7 +34,8 @@ class Coordinates:
     (Lambda) is S start S', with S = exp(z/2) for ``scalar``, diag(exp(z/2)) for ``diagonal``, and
     for ``full`` lower triangular with the other P's below its diagonal: it stays symmetric positive
     definite wherever z goes. A row is start * exp(z) with one z for ``scalar``, else with one a
-    number: each keeps its sign, and 0 stays 0.
+    number: each keeps its sign, and 0 stays 0. A row of any finite numbers is, for ``full``, start
+    + z times the size of its numbers (their RMS; 1 where all are 0): weights change their signs.
 
     Raises `ConfigError` for no name, an unknown or repeated one, a batched constant, a constant
     that starts at the edge of its domain (0 times anything is 0), or an unknown form, `KindError`.
@@ -57,14 +58,17 @@ class Coordinates:
             if start.dim() != module.domain(name).event_dims:
                 raise ConfigError(f"{name} has a batch shape {tuple(start.shape)}: tune one value")
             row = start.dim() == 1
-            if not matrix and bool((start == 0).all() if row else (start <= 0).any()):
+            signed = isinstance(module.domain(name), Finite)
+            free = row and signed and matrix_form == "full"
+            still = (start == 0).all() if row else (start <= 0).any()
+            if not matrix and not free and bool(still):
                 shown = start.tolist()
                 raise ConfigError(f"{name} = {shown} can't be tuned from 0: start it > 0")
             n = start.shape[-1] if matrix or row else 1
             form = matrix_form if matrix else "scalar"
             if row and matrix_form != "scalar":
-                form = "diagonal"
-            size = {"scalar": 1, "diagonal": n, "full": n * (n + 1) // 2}[form]
+                form = "free" if free else "diagonal"
+            size = {"scalar": 1, "diagonal": n, "free": n, "full": n * (n + 1) // 2}[form]
             parts.append(_Part(name, start, form, size))
         self._parts = parts
         self.names = tuple(names)
@@ -101,7 +105,10 @@ class Coordinates:
             if part.start.dim() == 0:
                 values[part.name] = part.start * piece.squeeze(-1).exp()
             elif part.start.dim() == 1:
-                values[part.name] = part.start * piece.exp()
+                size = part.start.square().mean().sqrt()
+                size = torch.where(size > 0, size, 1.0)
+                free = part.form == "free"
+                values[part.name] = part.start + size * piece if free else part.start * piece.exp()
             else:
                 S = _factor(part, piece)
                 value = S @ part.start @ S.mT

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 import torch
@@ -23,17 +23,41 @@ def of_paper(name: str) -> Callable[[], control.Controller]:
     return lambda: make_controller(name)
 
 
+MODEL, INPUT = [[0.0, 1.0], [-1.0, -2.0]], [[0.0], [1.0]]
+
+
+def of_mrac(**parts: Any) -> control.Mrac:
+    """Of a mass on a line."""
+    network = control.LinearNetwork(control.Identity(3), 1)
+    return control.Mrac.of_model(
+        MODEL, INPUT, network, feedback=[[1.0, 2.0]], feedforward=[[1.0]], **parts
+    )
+
+
 #: A new controller is one line here.
 CONTROLLERS_TO_CHECK: dict[str, Callable[[], control.Controller]] = {
     **{f"mann, {name}": of_paper(name) for name in CONTROLLERS},
     "mann, kappa > 0": lambda: mt.MannController(2, 6, e_modification=0.1),
     "mann, radial basis": lambda: mt.MannController(
-        2, network=control.RadialBasisNetwork.scattered(10, 6, 2, 3.0)
+        2, network=control.LinearNetwork(control.RadialBasis.scattered(10, 6, 3.0), 2)
     ),
     "linear_feedback": lambda: control.LinearFeedback([[3.0, 2.0]], [[3.0]], 0.5),
     "linear_feedback, two inputs": lambda: control.LinearFeedback(
         [[3.0, 0.0, 2.0, 0.0], [0.0, 3.0, 0.0, 2.0]]
     ),
+    "mrac": of_mrac,
+    "mrac, of parts": lambda: of_mrac(
+        error_feedback=[[0.5, 0.5]],
+        robust=control.BoundaryLayer(0.5, 0.2),
+        integral=control.IntegralAction(0.3),
+        saturation=control.MuModification(MODEL, INPUT, 0.5, 1.0, 0.1),
+        labels=control.FilteredLabels([[0.0, 1.0], [0.0, 0.0]], INPUT, 5.0),
+    ),
+    "mrac, hedged": lambda: of_mrac(saturation=control.Hedging(MODEL, INPUT, 0.5)),
+    "mrac, augmented error": lambda: of_mrac(saturation=control.AugmentedError(MODEL, INPUT, 0.5)),
+    "mrac, with a memory": lambda: of_mrac(memory=mt.WorkingMemory(2, 3, mt.HardAttention())),
+    "output_mrac": lambda: control.OutputMrac([1.0, 2.0]),
+    "output_mrac, without filters": lambda: control.OutputMrac(robust=control.BoundaryLayer()),
 }
 
 

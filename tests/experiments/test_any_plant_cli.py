@@ -122,7 +122,7 @@ def test_the_papers_controller_has_any_network_under_any_law(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     short = (*PENDULUM, *QUIET, "horizon=2", "controller=nn")
-    frozen = ("network=radial_basis", "law=gradient", "law.adaptation_rate=0")
+    frozen = ("network=radial_basis", "law=gradient", "law.constant.adaptation_rate=0")
     found = {}
     for name, how in {"paper": (), "moves": frozen[:2], "frozen": frozen}.items():
         assert run(monkeypatch, "simulate", *short, *how, f"run_dir={name}") == 0

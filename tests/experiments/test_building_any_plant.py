@@ -19,7 +19,7 @@ from experiments.building.schedules import schedule
 from experiments.command.cli import compose_job
 from experiments.command.conf_files import CONF, group_names
 from experiments.settings.config import SimulateConfig
-from mann_torch.control import CONTROLLERS, LAWS, NETWORKS
+from mann_torch.control import BASES, CONTROLLERS, LAW_PARTS, LAWS, NETWORKS
 from mann_torch.errors import ConfigError
 from mann_torch.memory import ATTENTIONS
 from mann_torch.parts import MODELS
@@ -38,14 +38,26 @@ def made_of(*overrides: str) -> Experiment:
 @pytest.mark.parametrize(
     ("group", "registry"),
     [
-        *(("plant", PLANTS), ("reference", REFERENCES), ("network", NETWORKS), ("law", LAWS)),
-        ("model", MODELS),
+        *(("plant", PLANTS), ("reference", REFERENCES), ("model", MODELS)),
     ],
 )
 def test_every_registered_name_has_a_file(group: str, registry: Registry[Any]) -> None:
     assert group_names(group) == sorted(registry)
     for name in registry:
         assert OmegaConf.load(CONF / group / f"{name}.yaml").name == name
+
+
+def test_networks_laws_and_their_parts_have_files() -> None:
+    nodes = {
+        group: [OmegaConf.load(path) for path in (CONF / group).glob("*.yaml")]
+        for group in ("network", "law")
+    }
+    assert {node.name for node in nodes["network"]} == set(NETWORKS)
+    bases = {node.basis.name for node in nodes["network"] if "basis" in node}
+    assert bases == {*BASES, "plant"}
+    assert {node.name for node in nodes["law"]} == set(LAWS)
+    parts = {key for node in nodes["law"] if node.name == "adaptive" for key in node}
+    assert parts - {"name"} == set(LAW_PARTS)
 
 
 def test_every_kind_of_controller_has_a_file() -> None:
@@ -210,10 +222,11 @@ def test_disturbances_have_the_width_of_what_they_act_on() -> None:
 def test_any_network_under_any_law() -> None:
     made = made_of(
         *(*PENDULUM, "controller=hard", "network=radial_basis", "law=gradient"),
-        *("law.adaptation_rate=7", "controller.n_hidden=12", "network.seed=4"),
+        *("law.constant.adaptation_rate=7", "controller.n_hidden=12", "network.basis.seed=4"),
     )
     network = made.loop.controller.network  # type: ignore[attr-defined]
-    assert isinstance(network, mt.control.RadialBasisNetwork) and network.centers.shape == (12, 5)
+    assert isinstance(network, mt.control.LinearNetwork) and network.n_hidden == 12
+    assert isinstance(network.basis, mt.control.RadialBasis) and network.n_inputs == 5
     assert float(made.loop.constant("adaptation_rate")) == 7.0
     assert made.weights.W.shape == (1, 12, 1)
 

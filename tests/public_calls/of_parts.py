@@ -42,6 +42,8 @@ CALLS: dict[str, Call] = {
             "rate_V": 10.0,
             "e_modification": 0.0,
             "initial_std": 0.1,
+            "law_W": None,
+            "law_V": None,
         },
     ),
     "FilteredTracking": (control.FilteredTracking, {"n_joints": 2, "error_gain": 5.0}),

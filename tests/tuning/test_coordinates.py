@@ -91,3 +91,13 @@ def test_a_row_with_zeros_keeps_them() -> None:
         assert row.tolist() == [0.0, -4.0 * math.exp(0.5)]
     with pytest.raises(mt.ConfigError, match="can't be tuned from 0"):
         Coordinates(mt.LinearFeedback([[0.0, 0.0]]), ["feedback"])
+
+
+def test_a_row_of_any_numbers_moves_freely_in_full_form() -> None:
+    controller = mt.control.LinearFeedback([[0.0, -4.0, 3.0, 0.0]], offset=0.0)
+    coordinates = Coordinates(controller, ["feedback", "offset"], "full")
+    assert coordinates.size == 5 and coordinates.labels[1] == "feedback[1]"
+    z = torch.tensor([1.0, 2.0, -4.0, 0.0, -3.0], dtype=torch.float64)
+    values = coordinates.values(z)
+    assert values["feedback"].tolist() == [2.5, 1.0, -7.0, 0.0]  # the RMS is 2.5
+    assert values["offset"].tolist() == [-3.0]

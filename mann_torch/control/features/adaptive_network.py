@@ -30,6 +30,10 @@ _RATES = (10.0, 10.0, 0.0)
 _EVENT_DIMS = (2, 1, 2, 1)
 
 
+def _is(value: Numbers, default: float) -> bool:
+    return isinstance(value, float) and value == default
+
+
 class AdaptiveNetwork(FeatureNetwork):
     """f^ = W' sigma(V' x~ + b_v) + b_w with weights that move by the paper's eq. (NNupdate).
 
@@ -56,11 +60,15 @@ class AdaptiveNetwork(FeatureNetwork):
         law_V: Law | None = None,
     ) -> None:
         super().__init__()
-        given = (law_W is not None, law_V is not None)
-        if (given[0] and rate_W != _RATES[0]) or (given[1] and rate_V != _RATES[1]):
+        laws = {"law_W": law_W, "law_V": law_V}
+        given = {name for name, law in laws.items() if law is not None}
+        for name in given:
+            of_network(name, laws[name])
+        set_ = {"law_W": rate_W, "law_V": rate_V}
+        if any(not _is(set_[name], _RATES[0]) for name in given):
             raise ConfigError("rate_W, rate_V: a law that is given has a gain of its own")
-        if all(given) and e_modification != _RATES[2]:
-            raise ConfigError("e_modification: laws that are given have mechanisms of their own")
+        if len(given) == 2 and not _is(e_modification, _RATES[2]):
+            raise ConfigError("e_modification: laws that are given have leaks of their own")
         self.n_inputs, self.n_hidden = whole("n_inputs", n_inputs), whole("n_hidden", n_hidden)
         self.n_outputs = whole("n_outputs", n_outputs)
         self.initial_std = number("initial_std", initial_std, NONNEGATIVE)
@@ -69,7 +77,7 @@ class AdaptiveNetwork(FeatureNetwork):
             law_W = AdaptiveLaw(ConstantGain(rate_W, "rate_W"), leak)
         if law_V is None:
             law_V = AdaptiveLaw(ConstantGain(rate_V, "rate_V"), leak)
-        self.law_W, self.law_V = of_network("law_W", law_W), of_network("law_V", law_V)
+        self.law_W, self.law_V = law_W, law_V
         self.initial_V: Tensor
         self.initial_b_v: Tensor
         draw = self._draw((), torch.Generator().manual_seed(0))

@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from ...checks import instance
+from ...checks import instance, several
 from ...constraints import DesignModule
 from ...errors import ConfigError
 from ...memory import WorkingMemory
 from ...types import ControllerState, Features, MemoryMode, MemoryState, Proximity
 from ..laws import Drive
+from ..laws.needs import check_needs
 from .feature_network import FeatureNetwork
 
 
@@ -54,13 +55,9 @@ class Approximator(DesignModule):
                 f"N = {held} neurons: they must be equal"
             )
         self.memory = memory
+        given = several("offers", offers, str)
         for law in network.laws:
-            lacking = sorted(law.needs - set(offers))
-            if lacking:
-                raise ConfigError(
-                    f"law: {type(law).__name__} needs {', '.join(lacking)} of a drive, this "
-                    f"controller gives {', '.join(sorted(offers)) or 'none of it'}"
-                )
+            check_needs(law, given)
 
     @property
     def reallocates(self) -> bool:

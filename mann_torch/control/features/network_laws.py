@@ -31,7 +31,7 @@ def as_columns(state: NetworkState) -> tuple[Tensor, ...]:
     return state.W, state.b_w.unsqueeze(-2), state.V, state.b_v.unsqueeze(-2)
 
 
-def of_network(name: str, law: Law) -> Law:
+def of_network(name: str, law: Any) -> Law:
     """A law whose needs a network's inner weights can meet."""
     instance(name, law, Law)
     if law.needs - {"error_norm"}:

@@ -6,6 +6,7 @@ from typing import Any
 
 from torch import Tensor
 
+from ...checks import text
 from ...constraints import SymmetricPositiveDefinite
 from ...functional import Numbers, as_float64
 from .drive import Drive, product
@@ -22,7 +23,7 @@ class ConstantGain(Gain):
 
     def __init__(self, adaptation_rate: Numbers = 1.0, name: str = "adaptation_rate") -> None:
         super().__init__()
-        self._name = name
+        self._name = name = text("name", name)
         value = as_float64(adaptation_rate, name)
         if value.dim() == 2:
             self.declare(name, value, SymmetricPositiveDefinite(), tuple(value.shape))
@@ -30,7 +31,7 @@ class ConstantGain(Gain):
             self.declare_rows(name, value)
 
     def _times(self, x: Tensor) -> Tensor:
-        if self.domain(self._name).event_dims == 2:
+        if self._domains[self._name].event_dims == 2:
             return getattr(self, self._name) @ x
         return self.per_estimate(self._name) * x
 
@@ -44,6 +45,6 @@ class ConstantGain(Gain):
 
     def leaked(self, rate: Tensor, coefficient: Tensor, away: Tensor, state: Any) -> Tensor:
         """rate - (Gamma c) theta (..., N, m)."""
-        if self.domain(self._name).event_dims == 2:
+        if self._domains[self._name].event_dims == 2:
             return super().leaked(rate, coefficient, away, state)
         return rate.addcmul(self._times(coefficient), away, value=-1)

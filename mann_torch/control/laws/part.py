@@ -64,7 +64,7 @@ class LawPart(Interface, DesignModule):
     def per_estimate(self, name: str) -> Tensor:
         """Such a constant beside theta: (..., 1, 1) or (..., N, 1)."""
         value: Tensor = getattr(self, name)
-        if not self.domain(name).event_dims:
+        if not self._domains[name].event_dims:
             value = value.unsqueeze(-1)
         return value.unsqueeze(-1)
 
