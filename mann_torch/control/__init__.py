@@ -3,6 +3,7 @@
 from ..registry import Registry
 from .boundary_layer import BoundaryLayer
 from .controller import Controller
+from .estimator import Estimates, Estimator
 from .features import (
     BASES,
     NETWORKS,
@@ -67,6 +68,8 @@ CONTROLLERS: Registry[Controller] = Registry(
     Controller,
     {
         "mann": MannController,
+        "estimator": Estimator,
+        "estimator": Estimator,
         "linear_feedback": LinearFeedback,
         "meta_adaptive": MetaAdaptive,
         "slotine_li": SlotineLi,
@@ -100,6 +103,8 @@ __all__ = [
     "Drive",
     "EModification",
     "ErrorsAndReference",
+    "Estimates",
+    "Estimator",
     "FeatureNetwork",
     "FilteredLabels",
     "FilteredTracking",
