@@ -29,9 +29,14 @@ from .laws import (
     LAW_PARTS,
     LAWS,
     AdaptiveLaw,
+    Composite,
+    ConcurrentLearning,
     ConstantGain,
+    DeadZone,
+    Drem,
     Drive,
     EModification,
+    FreezeWhileSaturated,
     Gain,
     GainInForce,
     Gate,
@@ -39,16 +44,22 @@ from .laws import (
     Law,
     LawPart,
     Leak,
+    LeastSquares,
+    Normalisation,
     Pair,
     Projection,
     SigmaModification,
+    SwitchingSigma,
     Term,
 )
 from .linear_feedback import LinearFeedback
 from .mann import MannController
+from .mechanics import Mechanics
+from .meta_adaptive import MetaAdaptive
 from .mrac import InputOutputFilters, Mrac, OutputMrac
 from .robust import RobustGain
 from .saturation import SATURATIONS, AugmentedError, Hedging, MuModification, Saturation
+from .slotine_li import SlotineLi
 from .tracking import FilteredTracking
 
 CONTROLLERS: Registry[Controller] = Registry(
@@ -57,6 +68,8 @@ CONTROLLERS: Registry[Controller] = Registry(
     {
         "mann": MannController,
         "linear_feedback": LinearFeedback,
+        "meta_adaptive": MetaAdaptive,
+        "slotine_li": SlotineLi,
         "mrac": Mrac,
         "output_mrac": OutputMrac,
     },
@@ -77,15 +90,20 @@ __all__ = [
     "AugmentedError",
     "Basis",
     "BoundaryLayer",
+    "Composite",
+    "ConcurrentLearning",
     "Constant",
     "ConstantGain",
     "Controller",
+    "DeadZone",
+    "Drem",
     "Drive",
     "EModification",
     "ErrorsAndReference",
     "FeatureNetwork",
     "FilteredLabels",
     "FilteredTracking",
+    "FreezeWhileSaturated",
     "FunctionBasis",
     "Gain",
     "GainInForce",
@@ -101,14 +119,18 @@ __all__ = [
     "LawPart",
     "Layers",
     "Leak",
+    "LeastSquares",
     "LinearFeedback",
     "LinearNetwork",
     "MannController",
     "Measured",
     "MeasuredLabels",
+    "Mechanics",
+    "MetaAdaptive",
     "Mrac",
     "MuModification",
     "NetworkInputs",
+    "Normalisation",
     "OutputMrac",
     "Pair",
     "Projection",
@@ -116,6 +138,8 @@ __all__ = [
     "RobustGain",
     "Saturation",
     "SigmaModification",
+    "SlotineLi",
+    "SwitchingSigma",
     "Term",
     "equal_parameter_hidden",
 ]

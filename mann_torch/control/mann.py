@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ..checks import instance, whole
 from ..errors import ConfigError, ShapeError
-from ..functional import Numbers, per_matrix, times_column
+from ..functional import Numbers, per_matrix
 from ..memory import WorkingMemory
 from ..types import (
     ControllerState,
@@ -34,7 +34,7 @@ from .features import (
 )
 from .laws import Drive
 from .robust import RobustGain
-from .tracking import FilteredTracking, check_measured
+from .tracking import FilteredTracking, check_joints, check_measured, tracking_gains
 
 #: Defaults of the paper's network: C_w, C_v, kappa and the spread of its first weights.
 _OF_NETWORK = (10.0, 10.0, 0.0, 0.1)
@@ -138,11 +138,7 @@ class MannController(Controller):
 
     def check_fit(self, n_inputs: int, n_outputs: int) -> None:
         """Raise `ShapeError` unless there is an input for each of its outputs."""
-        if (n_inputs, n_outputs) != (self.n_joints, self.n_joints):
-            raise ShapeError(
-                f"a plant of {n_inputs} inputs and {n_outputs} outputs got a controller of "
-                f"{self.n_joints}"
-            )
+        check_joints(self.n_joints, n_inputs, n_outputs)
 
     def initial_state(
         self,
@@ -226,12 +222,7 @@ class MannController(Controller):
         if first is not None:
             slope = self.network.input_slope(output.signals.features, state.network, first, n)
             rate = rate if slope is None else rate + slope
-        position = rate @ self.tracking.error_gain
-        gains = torch.cat([position, rate], dim=-1)
-        drift = times_column(position, reference.upto(1)[1])
-        if reference.acceleration is not None:
-            drift = drift + times_column(rate, reference.acceleration)
-        return InputGains(gains, drift)
+        return tracking_gains(rate @ self.tracking.error_gain, rate, reference)
 
     def _look(
         self, reference: ReferenceSample, measurement: Measurement

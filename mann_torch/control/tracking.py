@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import torch
 from torch import Tensor
 
 from ..checks import whole, wrong
 from ..constraints import DesignModule, SymmetricPositiveDefinite
+from ..errors import ShapeError
 from ..functional import Numbers, times_column
-from ..types import Measurement, ReferenceSample, TrackingError
+from ..types import InputGains, Measurement, ReferenceSample, TrackingError
 
 
 def check_measured(measurement: Any) -> None:
@@ -18,6 +20,25 @@ def check_measured(measurement: Any) -> None:
         raise wrong(
             "measurement", measurement, "of positions q and velocities qd, for this controller"
         )
+
+
+def check_joints(n_joints: int, n_inputs: int, n_outputs: int) -> None:
+    """Raise `ShapeError` unless a plant has an input for each of `n_joints` outputs."""
+    if (n_inputs, n_outputs) != (n_joints, n_joints):
+        raise ShapeError(
+            f"a plant of {n_inputs} inputs and {n_outputs} outputs got a controller of {n_joints}"
+        )
+
+
+def tracking_gains(position: Tensor, rate: Tensor, reference: ReferenceSample) -> InputGains:
+    """Of an input that answers to e and de/dt by gains (..., m, n).
+
+    As time goes on, the reference moves both.
+    """
+    drift = times_column(position, reference.upto(1)[1])
+    if reference.acceleration is not None:
+        drift = drift + times_column(rate, reference.acceleration)
+    return InputGains(torch.cat([position, rate], dim=-1), drift)
 
 
 class FilteredTracking(DesignModule):

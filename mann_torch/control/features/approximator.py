@@ -14,6 +14,7 @@ from ...errors import ConfigError
 from ...memory import WorkingMemory
 from ...types import ControllerState, Features, MemoryMode, MemoryState, Proximity
 from ..laws import Drive
+from ..laws.needs import check_needs
 from .feature_network import FeatureNetwork
 
 
@@ -56,12 +57,7 @@ class Approximator(DesignModule):
         self.memory = memory
         given = several("offers", offers, str)
         for law in network.laws:
-            lacking = sorted(law.needs - set(given))
-            if lacking:
-                raise ConfigError(
-                    f"law: {type(law).__name__} needs {', '.join(lacking)} of a drive, this "
-                    f"controller gives {', '.join(sorted(given)) or 'none of it'}"
-                )
+            check_needs(law, given)
 
     @property
     def reallocates(self) -> bool:

@@ -56,6 +56,7 @@ class AdaptiveLaw(Law):
         self.gates = nn.ModuleList(_of_kind(parts, Gate))
         self.leaks = nn.ModuleList(_of_kind(parts, Leak))
         self.terms = nn.ModuleList(_of_kind(parts, Term))
+        self._nothing = LawState(None, _chain([None] * len(self.terms)))  # where it keeps nothing
 
     @property
     def parts(self) -> list[LawPart]:
@@ -68,6 +69,11 @@ class AdaptiveLaw(Law):
     def decays(self) -> bool:
         """Whether a leak pulls without an error."""
         return any(leak.decays for leak in self.leaks if isinstance(leak, Leak))
+
+    @property
+    def drives(self) -> bool:
+        """Whether one of its mechanisms does."""
+        return any(part.drives for part in self.parts)
 
     @property
     def needs(self) -> frozenset[str]:
@@ -106,7 +112,8 @@ class AdaptiveLaw(Law):
         self, drive: Drive, estimate: Tensor, state: Any, mode: Any = None
     ) -> tuple[Tensor, LawState | None]:
         """d theta/dt (..., N, m) and d state/dt."""
-        held, modes = self._kept(state), self._kept(mode)
+        nothing = self._nothing
+        held, modes = nothing if state is None else state, nothing if mode is None else mode
         for gate in self.gates:
             drive = gate(drive)
         rate = self.gain.drive(drive, held.gain)
@@ -130,7 +137,8 @@ class AdaptiveLaw(Law):
 
     def jump(self, drive: Drive, estimate: Tensor, state: Any, mode: Any) -> tuple[Any, Any]:
         """Of each mechanism."""
-        held, modes = self._kept(state), self._kept(mode)
+        nothing = self._nothing
+        held, modes = nothing if state is None else state, nothing if mode is None else mode
         for gate in self.gates:
             drive = gate(drive)
         own, decided = self.gain.jump(drive, estimate, held.gain, modes.gain)
@@ -142,10 +150,6 @@ class AdaptiveLaw(Law):
 
     def _terms(self) -> list[Term]:
         return [term for term in self.terms if isinstance(term, Term)]
-
-    def _kept(self, tree: Any) -> LawState:
-        """A state or a mode, also where there is none."""
-        return LawState(None, _chain([None] * len(self.terms))) if tree is None else tree
 
 
 def _of_kind(parts: Sequence[LawPart], kind: type) -> list[Any]:

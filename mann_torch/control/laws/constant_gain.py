@@ -31,7 +31,7 @@ class ConstantGain(Gain):
             self.declare_rows(name, value)
 
     def _times(self, x: Tensor) -> Tensor:
-        if self.domain(self._name).event_dims == 2:
+        if self._domains[self._name].event_dims == 2:
             return getattr(self, self._name) @ x
         return self.per_estimate(self._name) * x
 
@@ -45,6 +45,6 @@ class ConstantGain(Gain):
 
     def leaked(self, rate: Tensor, coefficient: Tensor, away: Tensor, state: Any) -> Tensor:
         """rate - (Gamma c) theta (..., N, m)."""
-        if self.domain(self._name).event_dims == 2:
+        if self._domains[self._name].event_dims == 2:
             return super().leaked(rate, coefficient, away, state)
         return rate.addcmul(self._times(coefficient), away, value=-1)

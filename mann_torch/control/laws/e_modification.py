@@ -33,4 +33,6 @@ class EModification(Leak):
 
     def forward(self, drive: Drive, estimate: Tensor) -> Tensor:
         """kappa |e| (..., 1 or N, 1)."""
+        if not self._domains["e_modification"].event_dims:
+            return per_matrix(self.e_modification * drive.error_norm)
         return self.per_estimate("e_modification") * per_matrix(drive.error_norm)

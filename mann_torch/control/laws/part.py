@@ -23,6 +23,11 @@ class LawPart(Interface, DesignModule):
     """
 
     @property
+    def drives(self) -> bool:
+        """Whether an error of its own moves estimates, too: that of a pair, or of stored data."""
+        return "pair" in self.needs
+
+    @property
     def needs(self) -> frozenset[str]:
         """Fields of `Drive` that it reads and not every controller has."""
         return frozenset()
@@ -59,7 +64,7 @@ class LawPart(Interface, DesignModule):
     def per_estimate(self, name: str) -> Tensor:
         """Such a constant beside theta: (..., 1, 1) or (..., N, 1)."""
         value: Tensor = getattr(self, name)
-        if not self.domain(name).event_dims:
+        if not self._domains[name].event_dims:
             value = value.unsqueeze(-1)
         return value.unsqueeze(-1)
 
