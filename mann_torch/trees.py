@@ -105,6 +105,6 @@ class Packer(Generic[Tree]):
         """The tree again, as views of `flat` where possible."""
         parts = list(self.split(flat))
         for i, shape in self._matrices:
-            parts[i] = parts[i].unflatten(-1, shape)
+            parts[i] = parts[i].unflatten(-1, shape) if shape else parts[i].squeeze(-1)
         tree: Tree = self._build(parts)
         return tree
