@@ -24,11 +24,13 @@ from .features import (
     equal_parameter_hidden,
 )
 from .integral import IntegralAction
+from .l1 import L1Adaptive, l1_gain, l1_norm
 from .labels import LABELS, FilteredLabels, Labels, MeasuredLabels
 from .laws import (
     LAW_PARTS,
     LAWS,
     AdaptiveLaw,
+    BoxProjection,
     Composite,
     ConcurrentLearning,
     ConstantGain,
@@ -68,6 +70,7 @@ CONTROLLERS: Registry[Controller] = Registry(
     {
         "mann": MannController,
         "linear_feedback": LinearFeedback,
+        "l1": L1Adaptive,
         "meta_adaptive": MetaAdaptive,
         "slotine_li": SlotineLi,
         "mrac": Mrac,
@@ -90,6 +93,7 @@ __all__ = [
     "AugmentedError",
     "Basis",
     "BoundaryLayer",
+    "BoxProjection",
     "Composite",
     "ConcurrentLearning",
     "Constant",
@@ -114,6 +118,7 @@ __all__ = [
     "InputOutputFilters",
     "IntegralAction",
     "Joined",
+    "L1Adaptive",
     "Labels",
     "Law",
     "LawPart",
@@ -142,4 +147,6 @@ __all__ = [
     "SwitchingSigma",
     "Term",
     "equal_parameter_hidden",
+    "l1_gain",
+    "l1_norm",
 ]
