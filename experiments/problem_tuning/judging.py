@@ -86,4 +86,6 @@ def judge(task: TunedProblem, values: dict[str, Tensor]) -> tuple[np.ndarray, np
     members = task.held_out
     with torch.no_grad(), constants_at(members.ensemble.loop, values):
         run = members.ensemble.run({}, recording=members.error.recording)
-        return np.asarray(members.error(run)), np.asarray(members.effort(run))
+        error, effort = members.error(run), members.effort(run)
+    effort = torch.where(error.isfinite(), effort, torch.nan)
+    return error.numpy(), effort.numpy()

@@ -13,6 +13,7 @@ from torch import Tensor
 from mann_torch import PlantState, Scenario, Trajectory
 from mann_torch.signals import Disturbance, Polynomial, Spline
 from mann_torch.tuning import Ensemble, Judged, Recording
+from mann_torch.types import ClockState
 
 from ..building.build import Experiment, build
 from ..building.ensembles import composed
@@ -33,9 +34,7 @@ KEPT = Recording(motion_dt=1e9, sample_dt=0.01)
 def problem(cfg: ProblemTuningConfig) -> TunedProblem:
     """The authors' gains for problem 1 and their features, tuned gains, and both tuned."""
     made = build(composed(("problem=quadrotor_learned",)))
-    learned = splines(
-        cfg.train, cfg.train_horizon, cfg.seed, lambda n, g: uniform(n, 0, LEARNED, g)
-    )
+    learned = splines(cfg.train, cfg.train_horizon, cfg.seed, light)
     tested = splines(cfg.held_out, 10.0, cfg.seed + 1_000_000, beta)
     return TunedProblem(
         title="quadrotor in wind, random splines",
@@ -65,7 +64,7 @@ def members(made: Experiment, scenario: Scenario) -> Members:
 
 def _held_input(run: Trajectory) -> Tensor:
     """RMS of what the clock holds: a sample shows the command of the tick before it."""
-    return root_mean_square(cast(Tensor, run.held.clock.input)[1:])
+    return root_mean_square(cast(ClockState, run.held.clock).input[1:])
 
 
 def splines(
@@ -87,6 +86,11 @@ def splines(
     wind = Disturbance(plant=Polynomial(winds(count, generator).reshape(count, 1, 1)))
     scenario = Scenario(reference, plant.parameters_of(), horizon, start=PlantState(value, rate))
     return dataclasses.replace(scenario, disturbance=wind)
+
+
+def light(count: int, generator: torch.Generator) -> Tensor:
+    """Winds to learn from."""
+    return uniform(count, 0.0, LEARNED, generator)
 
 
 def beta(count: int, generator: torch.Generator) -> Tensor:

@@ -1,4 +1,4 @@
-"""What tuning benchmark problems came to: a table, paired with published constants, and pictures."""
+"""What tuning benchmark problems came to: a table beside published constants, and pictures."""
 
 from __future__ import annotations
 
@@ -42,14 +42,11 @@ def reported(
     measures = {
         names[key]: {"rms_error": one.error, "rms_input": one.effort} for key, one in found.items()
     }
+    pairs = {names[key]: (one, found[bases[key]]) for key, one in found.items()}
     extra = {
         "constants": {names[k]: tasks[k[0]].ways[k[1]].note for k in found},
-        "change of RMS error": {
-            names[k]: change(f.error, found[bases[k]].error) for k, f in found.items()
-        },
-        "change of RMS input": {
-            names[k]: change(f.effort, found[bases[k]].effort) for k, f in found.items()
-        },
+        "change of RMS error": {n: change(a.error, b.error) for n, (a, b) in pairs.items()},
+        "change of RMS input": {n: change(a.effort, b.effort) for n, (a, b) in pairs.items()},
     }
     baselines = {names[key]: names[base] for key, base in bases.items() if key != base}
     note = (
@@ -60,7 +57,7 @@ def reported(
         + "; ".join(f"{name} ({task.title}): {task.unit}" for name, task in tasks.items())
         + "."
     )
-    arrays = {}
+    arrays: dict[str, np.ndarray] = {}
     for key, one in found.items():
         own = {"rms_error": one.error, "rms_input": one.effort, "objective": one.objective}
         own |= {f"constants/{name}": value for name, value in one.constants.items()}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from torch import Tensor
 
@@ -13,7 +15,7 @@ from mann_torch.tuning import Ensemble, Judged, Recording
 from ..building.build import Experiment, build
 from ..building.ensembles import composed
 from ..settings.problem_tuning_config import ProblemTuningConfig
-from .tuned_problem import Members, TunedProblem, Way, root_mean_square, uniform
+from .tuned_problem import Known, Members, TunedProblem, Way, root_mean_square, uniform
 
 #: Of r = offset + amplitude sin(frequency t): about the published cases, crossing included.
 AMPLITUDES, FREQUENCIES, OFFSETS = (1.0, 2.0), (4.0, 20.0), (0.1, 0.5)
@@ -26,15 +28,14 @@ KEPT = Recording(motion_dt=1e9, sample_dt=0.02)
 def problem(cfg: ProblemTuningConfig) -> TunedProblem:
     """The published modifications, and both together, tuned from where both act."""
     made = build(composed(("problem=rohrs_sigma", "law.projection.bound=10")))
-    both = {"sigma": [0.2, 0.2], "bound": 2.0}
+    both: Known = {"sigma": [0.2, 0.2], "bound": 2.0}
+    published: Known = {"sigma": [0.2, 0.0], "bound": FREE}
     return TunedProblem(
         title="Rohrs' plant, random sinusoids",
         unit="-",
         ways={
-            "sigma": Way(
-                "sigma 0.2 on k_y alone, as published", {"sigma": [0.2, 0.0], "bound": FREE}
-            ),
             "projection": Way("norm <= 10, as published", {"sigma": [0.0, 0.0], "bound": 10.0}),
+            "sigma": Way("sigma 0.2 on k_y alone, as published", published),
             "both": Way("sigma 0.2 on both gains, norm <= 2", both),
             "tuned": Way("sigma and bound tuned from there", both, ("sigma", "bound")),
         },
@@ -56,7 +57,7 @@ def _error(run: Trajectory) -> Tensor:
     return found
 
 
-def _input_of(loop: ClosedLoop, scenario: Scenario):  # type: ignore[no-untyped-def]
+def _input_of(loop: ClosedLoop, scenario: Scenario) -> Callable[[Trajectory], Tensor]:
     def effort(run: Trajectory) -> Tensor:
         """RMS of u."""
         return root_mean_square(observe(loop, scenario, run).input)

@@ -20,12 +20,16 @@ class Members:
     effort: Judged
 
 
+#: Values of constants, by name.
+Known = Mapping[str, float | list[float]]
+
+
 @dataclass(frozen=True)
 class Way:
     """Constants to be judged: some that are known, or what tuning makes of them."""
 
     note: str  # how a table calls them
-    known: Mapping[str, float | list[float]] = field(default_factory=dict)  # 1. set,
+    known: Known = field(default_factory=dict)  # 1. set,
     tuned: Sequence[str] = ()  # 2. tuned from there
 
 

@@ -21,8 +21,18 @@ def mark(array: str, time: float, column: int = 0) -> tuple[Measure, Mark]:
 
 
 def largest(name: str, column: int = 0, scale: float = 1.0) -> Measure:
-    """The largest absolute `output` or `error` at any step."""
-    return lambda run: scale * float(np.abs(run.course(name)[:, column]).max())
+    """The largest absolute `output` or `error`, between steps too."""
+    return lambda run: scale * peak(np.abs(run.course(name)[:, column]))
+
+
+def peak(rows: np.ndarray) -> float:
+    """The top of the parabola through the largest row and those beside it."""
+    k = int(rows.argmax())
+    if not 0 < k < len(rows) - 1:
+        return float(rows[k])
+    left, middle, right = rows[k - 1 : k + 2].tolist()
+    bend = 2 * middle - left - right
+    return middle + (right - left) ** 2 / (8 * bend) if bend > 0 else middle
 
 
 def largest_norm(array: str) -> Measure:

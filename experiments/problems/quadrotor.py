@@ -14,8 +14,8 @@ COUNT = 1001
 
 def error_norms(run: Run) -> np.ndarray:
     """Of the 6 errors at samples."""
-    wanted = run.trajectory.signal(run.trajectory.sample_t)
-    gaps = (run.arrays["q"] - wanted.value.numpy(), run.arrays["qd"] - wanted.rate.numpy())
+    value, rate = run.wanted(run.arrays["t"])
+    gaps = (run.arrays["q"] - value, run.arrays["qd"] - rate)
     return np.asarray(np.linalg.norm(np.concatenate(gaps, axis=-1), axis=-1)[:COUNT])
 
 

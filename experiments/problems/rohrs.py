@@ -54,7 +54,13 @@ PROBLEM = Problem(
                 closed("-k_y where u = k_y y is unstable", 7800 / 458, stability_limit),
                 printed("k_y(10 s)", "-1.69945", *mark("W", 10.0)),
                 printed("k_y(20 s)", "-12.6394", *mark("W", 20.0)),
-                printed("k_y crosses it at [s]", "20.364", unstable_from),
+                printed(
+                    "k_y crosses it at [s]",
+                    "20.3633008",
+                    unstable_from,
+                    source="SciPy, rtol 1e-12",
+                    note="benchmarks.md prints 20.364, the first whole millisecond after it",
+                ),
                 printed("|y| = 50 at [s]", "21.090", output_reaches(50.0)),
             ),
             ("W",),
@@ -88,10 +94,31 @@ PROBLEM = Problem(
             ("W",),
         ),
         "sigma": Case(
-            "sigma = 0.2 on k_y",
+            "sigma = 0.2",
             ("problem=rohrs_sigma",),
             0.02,
-            (printed("max |y|", "0.4445", largest("output")),),
+            (
+                printed(
+                    "max |y|",
+                    "0.4445",
+                    largest("output"),
+                    note="benchmarks.md says of k_y alone, with which it is lost, see below",
+                ),
+            ),
+            ("W",),
+        ),
+        "sigma_one": Case(
+            "sigma = 0.2 on k_y",
+            ("problem=rohrs_sigma_one",),
+            0.02,
+            (
+                printed(
+                    "|y| = 1000 at [s]",
+                    "26.4769",
+                    output_reaches(1000.0),
+                    source="SciPy, rtol 1e-10",
+                ),
+            ),
             ("W",),
         ),
         "projection": Case(

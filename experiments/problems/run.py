@@ -31,6 +31,12 @@ class Run:
         rows: np.ndarray = getattr(self.trajectory, name).detach().numpy()
         return rows.reshape(len(rows), -1)
 
+    def wanted(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The reference and its rate at times (T,) [s], (T, p) each."""
+        seen = self.trajectory.signal(self.trajectory.t.new_tensor(t))
+        value, rate = (part.numpy().reshape(len(t), -1) for part in (seen.value, seen.rate))
+        return value, rate
+
     def at(self, name: str, time: float) -> np.ndarray:
         """A row of an array at a sample, flat."""
         place = int(np.argmin(np.abs(self.arrays["t"] - time)))

@@ -15,8 +15,7 @@ ERROR_GAIN, FEEDBACK = 20.0, 100.0
 
 
 def _filtered(run: Run, q: np.ndarray, qd: np.ndarray, t: np.ndarray) -> np.ndarray:
-    wanted = run.trajectory.signal(run.trajectory.t.new_tensor(t))
-    value, rate = wanted.value.numpy(), wanted.rate.numpy()
+    value, rate = run.wanted(t)
     return np.asarray(rate - qd + ERROR_GAIN * (value - q))
 
 
