@@ -40,6 +40,11 @@ def ledger(run: Run) -> float:
     return float(V[0] - V[-1] - spent)
 
 
+def largest_step(run: Run) -> float:
+    """Of V, up, from sample to sample."""
+    return float(np.diff(energies(run)).max())
+
+
 PROBLEM = Problem(
     "Two links, four unknowns",
     "Slotine and Li 1987",
@@ -63,7 +68,9 @@ PROBLEM = Problem(
                 ),
                 printed("V(0)", "201.335667", lambda run: float(energies(run)[0])),
                 closed("V(0) - V(3 s) - int s' K_D s", 0.0, ledger, floor=1e-8),
-                at_most("largest step up of V", 0.0, lambda run: float(np.diff(energies(run)).max())),
+                at_most(
+                    "largest step up of V", 0.0, lambda run: float(np.diff(energies(run)).max())
+                ),
             ),
             ("estimate",),
         ),

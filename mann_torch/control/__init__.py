@@ -73,7 +73,6 @@ CONTROLLERS: Registry[Controller] = Registry(
     {
         "mann": MannController,
         "estimator": Estimator,
-        "estimator": Estimator,
         "linear_feedback": LinearFeedback,
         "computed_torque": ComputedTorque,
         "l1": L1Adaptive,
