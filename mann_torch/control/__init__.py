@@ -2,6 +2,7 @@
 
 from ..registry import Registry
 from .boundary_layer import BoundaryLayer
+from .computed_torque import ComputedTorque
 from .controller import Controller
 from .features import (
     BASES,
@@ -59,6 +60,7 @@ from .mann import MannController
 from .mechanics import Mechanics
 from .meta_adaptive import MetaAdaptive
 from .mrac import InputOutputFilters, Mrac, OutputMrac
+from .pid import Pid
 from .robust import RobustGain
 from .saturation import SATURATIONS, AugmentedError, Hedging, MuModification, Saturation
 from .slotine_li import SlotineLi
@@ -70,8 +72,10 @@ CONTROLLERS: Registry[Controller] = Registry(
     {
         "mann": MannController,
         "linear_feedback": LinearFeedback,
+        "computed_torque": ComputedTorque,
         "l1": L1Adaptive,
         "meta_adaptive": MetaAdaptive,
+        "pid": Pid,
         "slotine_li": SlotineLi,
         "mrac": Mrac,
         "output_mrac": OutputMrac,
@@ -95,6 +99,7 @@ __all__ = [
     "BoundaryLayer",
     "BoxProjection",
     "Composite",
+    "ComputedTorque",
     "ConcurrentLearning",
     "Constant",
     "ConstantGain",
@@ -138,6 +143,7 @@ __all__ = [
     "Normalisation",
     "OutputMrac",
     "Pair",
+    "Pid",
     "Projection",
     "RadialBasis",
     "RobustGain",
