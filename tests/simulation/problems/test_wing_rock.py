@@ -67,3 +67,28 @@ def test_the_error_gain_is_the_problems() -> None:
 def test_mrac_alone_learns_little() -> None:
     found = distances(wing())
     assert found[[1, 6]].tolist() == pytest.approx([0.97933, 0.91703], abs=5.1e-6)
+
+
+def learning() -> control.ConcurrentLearning:
+    """20 points, at 0.5, 1, ..., 10 s, each in use from then on, at 10 * 0.05 = 0.5."""
+    return control.ConcurrentLearning(0.05, size=20, period=0.5)
+
+
+def test_stored_data_teach_it() -> None:
+    found = distances(wing(learning(), labels=control.MeasuredLabels("moment")))
+    assert float(found[1]) == pytest.approx(0.13729, abs=5.1e-6)
+    assert float(found[6]) == pytest.approx(2.03e-6, abs=5.1e-9)
+
+
+def test_so_do_filters_that_measure_no_acceleration() -> None:
+    labels = control.FilteredLabels([[0.0, 1.0], [0.0, 0.0]], INPUT, 20.0)
+    assert float(distances(wing(learning(), labels=labels))[6]) < 1e-5
+
+
+@pytest.mark.slow
+def test_the_torch_engine_finds_the_same() -> None:
+    plain = wing(horizon=10.0, engine="torch")
+    assert float(distances(plain)[1]) == pytest.approx(0.97933, abs=5.1e-6)
+    labels = control.MeasuredLabels("moment")
+    learned = wing(learning(), labels=labels, horizon=10.0, engine="torch")
+    assert float(distances(learned)[1]) == pytest.approx(0.13729, abs=5.1e-6)
