@@ -179,7 +179,9 @@ def _on(
         t = 10.0 * torch.rand(SAMPLES, generator=generator, dtype=torch.float64)
         sample = ReferenceSample(*signal(t).upto(order))
     if model is not None:
-        sample = sample._replace(command=drawn_sample(p, 0, generator).value)
+        state = model.initial_state(sample, sample.value)
+        state = torch.randn(state.shape, generator=generator, dtype=state.dtype)
+        sample = sample._replace(command=drawn_sample(p, 0, generator).value, state=state)
     b = bench(plant, plant.parameters_of(), None)
     return ControllerBench(
         controller, plant, signal, model, sample, plant.measure(b.state, b.coefficients)

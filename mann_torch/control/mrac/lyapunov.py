@@ -12,9 +12,9 @@ from ...functional import Numbers, as_float64
 
 def lyapunov(A: Tensor, Q: Tensor) -> Tensor:
     """P (n, n) with A'P + P A = -Q, by Kronecker's product: (I x A' + A' x I) vec P = -vec Q."""
-    n = len(A)
-    eye, turned = torch.eye(n, dtype=A.dtype), A.mT.contiguous()
-    both = torch.kron(eye, turned) + torch.kron(turned, eye)
+    n, rows = len(A), A.mT.contiguous()
+    eye = torch.eye(n, dtype=A.dtype)
+    both = torch.kron(eye, rows) + torch.kron(rows, eye)
     P = torch.linalg.solve(both, -Q.reshape(-1)).reshape(n, n)
     return 0.5 * (P + P.mT)
 

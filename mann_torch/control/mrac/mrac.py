@@ -121,6 +121,11 @@ class Mrac(MatrixConstants, AdaptiveController):
         gain = error_gain_of(A, B, Q, error_feedback)
         return cls(gain, network, error_feedback=error_feedback, **parts)
 
+    @classmethod
+    def fed(cls, n_outputs: int, n_measured: int) -> int:
+        """State and command."""
+        return n_measured + n_outputs
+
     def check_fit(self, n_inputs: int, n_outputs: int) -> None:
         """Raise `ShapeError` unless inputs and commands are of the plant's numbers."""
         if (n_inputs, n_outputs) != (self.n_inputs, self.n_commands):

@@ -73,6 +73,11 @@ class OutputMrac(AdaptiveController):
         self.robust = None if robust is None else instance("robust", robust, BoundaryLayer)
         self.approximator = Approximator(network, memory)
 
+    @classmethod
+    def fed(cls, n_outputs: int, n_measured: int) -> int:
+        """Output and command: without filters."""
+        return n_measured + n_outputs
+
     def check_fit(self, n_inputs: int, n_outputs: int) -> None:
         """Raise `ShapeError` unless there is one input and one output."""
         if (n_inputs, n_outputs) != (1, 1):
