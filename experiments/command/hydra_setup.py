@@ -13,6 +13,7 @@ from omegaconf import OmegaConf
 from ..settings.config import ReproduceConfig, SimulateConfig
 from ..settings.ensemble_config import EnsembleConfig
 from ..settings.memory_config import OnlineRegressionConfig, RecallConfig
+from ..settings.problem_tuning_config import ProblemTuningConfig
 from ..settings.study_config import GradientReportConfig, TuneConfig
 from .help_texts import help_text
 
@@ -56,4 +57,5 @@ def register() -> None:
     store.store(name="base_ensemble", node=EnsembleConfig)
     store.store(name="base_recall", node=RecallConfig)
     store.store(name="base_tune", node=TuneConfig)
+    store.store(name="base_tune_problems", node=ProblemTuningConfig)
     store.store(name="base_gradient_report", node=GradientReportConfig)

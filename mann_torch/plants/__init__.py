@@ -18,7 +18,7 @@ from .quadrotor import PlanarQuadrotor, QuadrotorParameters
 from .rohrs import RohrsPlant
 from .slotine_li_arm import SlotineLiArm, SlotineLiParameters, lumped
 from .two_link_arm import ArmCoefficients, ArmParameters, TwoLinkArm, arm_parameters
-from .wing_rock import CHOWDHARY_JOHNSON, ELZEBDA, WingRock, WingRockParameters
+from .wing_rock import CHOWDHARY_JOHNSON, ELZEBDA, WingRock, WingRockMeasurement, WingRockParameters
 
 PLANTS: Registry[Plant] = Registry(
     "plant",
@@ -74,6 +74,7 @@ __all__ = [
     "Torque",
     "TwoLinkArm",
     "WingRock",
+    "WingRockMeasurement",
     "WingRockParameters",
     "arm_parameters",
     "channels",

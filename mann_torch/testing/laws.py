@@ -97,7 +97,7 @@ def _check_start(law: Law, kind: str, given: Any, make: Callable[..., Any]) -> N
     for batch in ((SAMPLES,), (2, 3), ()):
         start = partial(make, FEATURES, OUTPUTS, batch)
         state = called(law, 2, f"{name} for a batch {batch}", start)
-        wanted = map_tensors(lambda x, b=batch: x[0].expand(*b, *x.shape[1:]), given)
+        wanted = map_tensors(lambda x, b=batch: x[0].expand((*b, *x.shape[1:])), given)
         told = difference(state, wanted)
         if told is not None:
             raise broken(law, 2, f"{name} for a batch {batch}: {told}", "give (..., *event) leaves")
@@ -147,7 +147,7 @@ def _jumped(law: Law, given: Driven) -> tuple[Any, Any]:
 
 def _check_still(law: Law, given: Driven) -> None:
     """Without an error, at t = 0."""
-    if "pair" in law.needs:
+    if law.drives:
         return
     theta, drive = given.estimate, given.drive
     still = drive._replace(

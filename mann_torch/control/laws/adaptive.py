@@ -71,6 +71,11 @@ class AdaptiveLaw(Law):
         return any(leak.decays for leak in self.leaks if isinstance(leak, Leak))
 
     @property
+    def drives(self) -> bool:
+        """Whether one of its mechanisms does."""
+        return any(part.drives for part in self.parts)
+
+    @property
     def needs(self) -> frozenset[str]:
         """What its mechanisms need together."""
         return frozenset().union(*(part.needs for part in self.parts))

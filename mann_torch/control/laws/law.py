@@ -25,7 +25,7 @@ class Law(Interface, DesignModule):
     3. It is a function of its arguments and of declared constants alone, for any batch at once,
        decided by `where`, in float64. Gradients reach them all. Nothing is kept between calls.
     4. Without an error, and with state and mode at t = 0, estimates stand still, unless the law
-       says by `decays` that they move towards 0, or needs a `pair`, whose own error drives too.
+       says by `decays` that they move towards 0, or by `drives` that it has an error of its own.
     5. `needs` names what it reads of a `Drive` beyond regressor and error: "error_norm", "excess",
        "pair". A controller that has no such thing refuses the law.
     6. `jump` twice at one instant is `jump` once. What it does from time to time it times itself
@@ -36,6 +36,11 @@ class Law(Interface, DesignModule):
     def decays(self) -> bool:
         """Whether estimates move towards 0 where nothing drives them (sigma-modification)."""
         return False
+
+    @property
+    def drives(self) -> bool:
+        """Whether an error of its own moves estimates, too: that of a pair, or of stored data."""
+        return "pair" in self.needs
 
     @property
     def needs(self) -> frozenset[str]:

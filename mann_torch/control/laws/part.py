@@ -23,6 +23,11 @@ class LawPart(Interface, DesignModule):
     """
 
     @property
+    def drives(self) -> bool:
+        """Whether an error of its own moves estimates, too: that of a pair, or of stored data."""
+        return "pair" in self.needs
+
+    @property
     def needs(self) -> frozenset[str]:
         """Fields of `Drive` that it reads and not every controller has."""
         return frozenset()
