@@ -53,7 +53,7 @@ PASSIVE = {
     *("FlexibleJointCoefficients", "LinearParameters", "LinearCoefficients", "WingRockParameters"),
     *("PendulumParameters", "PendulumCoefficients", "DoubleIntegratorParameters"),
     *("Drive", "Pair", "Approximation", "Gain", "GainInForce", "Gate", "Guard", "Leak", "Term"),
-    *("LawPart", "Basis"),
+    *("LawPart", "Basis", "Mechanics"),
     *("noise_at", "scaled"),  # tensor maths inside the rollout
 }
 

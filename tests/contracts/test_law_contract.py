@@ -13,6 +13,7 @@ import mann_torch as mt
 from mann_torch.constraints import Positive
 from mann_torch.control import (
     AdaptiveLaw,
+    BoxProjection,
     ConstantGain,
     Drive,
     EModification,
@@ -35,6 +36,7 @@ LAWS_TO_CHECK: dict[str, Callable[[], Law]] = {
     "e-modification": lambda: AdaptiveLaw(EModification(0.3)),
     "sigma": lambda: AdaptiveLaw(SigmaModification(0.3)),
     "sigma, a row": lambda: AdaptiveLaw(SigmaModification([0.3, 0.0, 1.0, 2.0])),
+    "box": lambda: AdaptiveLaw(ConstantGain([5.0, 1.0, 0.0, 2.0]), BoxProjection(0.5, 0.1)),
     "projection": lambda: AdaptiveLaw(ConstantGain(5.0), Projection(2.0, 0.1)),
 }
 
