@@ -61,9 +61,7 @@ def checked(cfg: Any) -> ReturningConfig:
     for variant in plain.variants:
         made = built(plain, variant)
         if not isinstance(made.loop.plant, WingRock) or not made.loop.plant.accelerometer:
-            raise ConfigError(
-                f"variant '{variant}': regimes are those of wing_rock, accelerometer=true"
-            )
+            raise ConfigError(f"variant '{variant}': give wing_rock with accelerometer=true")
         if plain.ways[variant].tuned:
             Coordinates(made.loop, plain.ways[variant].tuned)
         steps = plain.n_regimes * plain.visits * plain.visit_length / made.solver.dt

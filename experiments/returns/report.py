@@ -47,6 +47,7 @@ def reported(cfg: ReturningConfig, found: Mapping[str, Found], wall_s: float) ->
         "tuned to": {v: _constants(one) for v, one in found.items()},
     }
     base = next(iter(found))
+    baselines = {variant: base for variant in found if variant != base}
     note = (
         f"{cfg.n_regimes} regimes of wing rock in turn, {cfg.visits} visits of "
         f"{cfg.visit_length:g} s to each, {cfg.draws} draws of regimes, reference and noise. RMS "
@@ -67,9 +68,7 @@ def reported(cfg: ReturningConfig, found: Mapping[str, Found], wall_s: float) ->
         )
     }
     return Report(
-        compare(
-            measures_of(cfg), measures, dict.fromkeys([v for v in found if v != base], base), extra
-        ),
+        compare(measures_of(cfg), measures, baselines, extra),
         note,
         {"wall_s": wall_s},
         arrays,
