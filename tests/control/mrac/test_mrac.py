@@ -128,7 +128,7 @@ def test_what_does_not_go_together_is_named() -> None:
         control.Mrac.of_model([[-1.0]], [[1.0]], network, Q=[1.0, 2.0])
     with pytest.raises(ShapeError, match="give n \\+ p > 3 inputs and 1 outputs"):
         control.Mrac([[1.0, 1.0, 1.0]], network)
-    with pytest.raises(ShapeError, match=r"state_feedback of shape \(1, 1\): give a matrix"):
+    with pytest.raises(ShapeError, match=r"feedback of shape \(1, 1\): give a matrix"):
         control.Mrac([[1.0, 1.0]], network, feedback=[[1.0]])
     made = control.Mrac([[1.0, 1.0]], network)
     with pytest.raises(ShapeError, match="2 inputs and 1 outputs got MRAC of 1 inputs"):

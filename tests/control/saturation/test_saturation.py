@@ -31,8 +31,8 @@ def test_its_slope_is_the_derivative() -> None:
 
 
 def test_without_mu_it_is_the_augmented_error_bit_for_bit() -> None:
-    plain = control.AugmentedError(A, B, LIMIT, rate=0.7)
-    other = control.MuModification(A, B, LIMIT, mu=0.0, margin=0.25, rate=0.7)
+    plain = control.AugmentedError(A, B, LIMIT, deficit_rate=0.7)
+    other = control.MuModification(A, B, LIMIT, mu=0.0, margin=0.25, deficit_rate=0.7)
     wanted = 3.0 * randn(50, 2)
     assert torch.equal(other.command(wanted), wanted)
     assert torch.equal(other.excess(wanted), plain.excess(wanted))
@@ -47,7 +47,7 @@ def test_an_excess_is_what_the_limits_cut_off() -> None:
 def test_a_known_effect_is_a_learned_one_that_is_right() -> None:
     """Augmented error from beta = 1 at a rate of 0 is hedging."""
     hedging = control.Hedging(A, B, LIMIT)
-    learned = control.AugmentedError(A, B, LIMIT, rate=0.0, start=1.0)
+    learned = control.AugmentedError(A, B, LIMIT, deficit_rate=0.0, start=1.0)
     e_d, drive, excess = randn(4, 2), randn(4, 2, seed=1), randn(4, 2, seed=2)
     kept = learned.initial_state((4,))._replace(e_d=e_d)
     moved = learned.rates(kept, drive, excess)
@@ -63,7 +63,7 @@ def test_what_is_impossible_is_named() -> None:
         control.MuModification(A, B, LIMIT, margin=1.0)
     with pytest.raises(DomainError, match="input_limit"):
         control.Hedging(A, B, [1.0, 0.0])
-    with pytest.raises(ShapeError, match=r"deficit_dynamics of shape \(2, 1\): give a matrix"):
+    with pytest.raises(ShapeError, match=r"A of shape \(2, 1\): give a matrix"):
         control.Hedging([[1.0], [1.0]], B, LIMIT)
     with pytest.raises(ShapeError, match="start of shape"):
         control.AugmentedError(A, B, LIMIT, start=[1.0, 1.0, 1.0])
