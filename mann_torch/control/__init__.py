@@ -69,7 +69,6 @@ CONTROLLERS: Registry[Controller] = Registry(
     {
         "mann": MannController,
         "estimator": Estimator,
-        "estimator": Estimator,
         "linear_feedback": LinearFeedback,
         "meta_adaptive": MetaAdaptive,
         "slotine_li": SlotineLi,
