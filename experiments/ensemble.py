@@ -57,6 +57,8 @@ def checked(cfg: Any) -> EnsembleConfig:
     check_horizon(plain.horizon)
     check_workers(plain.workers)
     plant, _ = build_plant(plain.plant)
+    if plain.problem.name is not None:  # whose plant may lack what the paper's is spread by
+        plain.spread = {k: v for k, v in plain.spread.items() if k in plant.fields or k != "masses"}
     spreads(plain.spread, plant)
     first, last = plain.first, plain.first + plain.rollouts - 1
     check_draws(plain, range(first, last + 1))

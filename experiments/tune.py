@@ -116,7 +116,8 @@ def _candidates(
     ensembles = held_out.held_out_ensembles(cfg, cfg.held_out)
     if not cfg.judge:
         ensembles = {}
-    others, grid = held_out.compared(cfg.compare), held_out.grid_candidates(cfg.grid)
+    others = held_out.compared(cfg.compare)
+    grid = held_out.grid_candidates(held_out.with_own(cfg.grid, tuner.ensemble.loop))
     held_out.check_candidates(tuner.ensemble, [*others, *grid])
     return ensembles, others, grid
 

@@ -62,6 +62,8 @@ def in_scenario(cfg: StudyConfig, name: str) -> SimulateConfig:
     Raises `ConfigError`.
     """
     shared = {f.name: getattr(cfg, f.name) for f in dataclasses.fields(LoopConfig)}
+    if isinstance(cfg, TuneConfig) and cfg.scenario is not None:
+        return copy.deepcopy(SimulateConfig(**shared, scenario=cfg.scenario))
     study = OmegaConf.structured(SimulateConfig(**copy.deepcopy(shared)))
     try:
         return cast(SimulateConfig, OmegaConf.to_object(OmegaConf.merge(study, _named(name))))

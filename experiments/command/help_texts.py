@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from ..settings.memory_config import LEARNERS, RECALLERS
+from ..settings.problem_tuning_config import TUNED_PROBLEMS
 from .conf_files import group_names
 
 
@@ -84,6 +85,20 @@ HELP = {
         "Train associative recall by backpropagation: the memory cell beside nn.LSTM and nn.GRU.",
         {"fewer": "variants=[soft,lstm] seeds=2", "harder": "n_keys=12 n_pairs=10 n_slots=12"},
         choices=lambda: {"variants": RECALLERS},
+    ),
+    "tune_problems": Help(
+        "Tune benchmark problems by gradient through the loop, and judge them on other members, "
+        "beside published constants.",
+        {"one": "problems=[rohrs]", "more": "train=32 iterations=200", "less": "effort_limit=0.9"},
+        choices=lambda: {"problems": TUNED_PROBLEMS},
+    ),
+    "returning": Help(
+        "Regimes of wing rock that return: plain law, concurrent learning and the paper's memory.",
+        {
+            "fewer": "variants=[plain,memory_5]",
+            "one more": "'ways.mine.overrides=[memory.n_slots=9]' 'variants=[plain,mine]'",
+            "longer": "visits=8 visit_length=20",
+        },
     ),
 }
 

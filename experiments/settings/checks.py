@@ -35,10 +35,10 @@ def holds_truth(value: Any) -> bool:
     return isinstance(value, bool)
 
 
-def check_variants(chosen: Sequence[str], known: Sequence[str]) -> None:
+def check_variants(chosen: Sequence[str], known: Sequence[str], what: str = "variant") -> None:
     """Raise `ConfigError` for no variant, an unknown one or one twice."""
     for name in chosen:
         if name not in known:
-            raise ConfigError(f"unknown variant '{name}'; choose from {', '.join(known)}")
+            raise ConfigError(f"unknown {what} '{name}'; choose from {', '.join(known)}")
     if not chosen or len(set(chosen)) < len(chosen):
-        raise ConfigError(f"variants = {list(chosen)}: name each once, at least one")
+        raise ConfigError(f"{what}s = {list(chosen)}: name each once, at least one")

@@ -84,6 +84,17 @@ class OutputConfig(PicturesConfig):
 
 
 @dataclass
+class ProblemConfig:
+    """A problem with known answers: what it is called, and what studies of it ask.
+
+    Without one, each study's file says what it asks of the paper's.
+    """
+
+    name: str | None = None
+    names: list[str] = field(default_factory=list)  # constants to tune or differentiate by
+
+
+@dataclass
 class LoopConfig:
     """What a loop is made of, how it is solved, and where results go: what all studies are told.
 
@@ -91,6 +102,7 @@ class LoopConfig:
     None of them: there is no such part.
     """
 
+    problem: ProblemConfig = field(default_factory=ProblemConfig)
     plant: dict[str, Any] = field(default_factory=dict)
     reference: Any = None  # in place of the scenario's own
     controller: dict[str, Any] = field(default_factory=dict)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from .config import LoopConfig, PicturesConfig, ScenarioLoopConfig
+from .config import LoopConfig, PicturesConfig, ScenarioConfig, ScenarioLoopConfig
 
 
 @dataclass
@@ -65,6 +65,7 @@ class TuneConfig(StudyConfig):
     """Constants to tune, on what, how, and on what they are judged afterwards."""
 
     names: list[str] = field(default_factory=list)  # constants to tune
+    scenario: ScenarioConfig | None = None  # in place of those that train and held_out name
     start: Any = None  # values to start from, by name; what is not given is each scenario's own
     restart: int = 0  # 0: begin there; 1, 2, ...: at a random point about it, by seed and number
     restart_spread: float = 1.0  # a random point is each constant times a factor in 1/2 to 2

@@ -135,4 +135,6 @@ READERS: dict[str, Callable[[Mapping[str, Any]], Measured]] = {
     "reproduce": _reproduce,
     "recall": _learning,
     "online_regression": _learning,
+    "tune_problems": _learning,
+    "returning": _learning,
 }

@@ -14,9 +14,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from mann_torch import ClosedLoop
 from mann_torch.errors import ConfigError
 from mann_torch.tuning import Ensemble, Score
 
+from ..building.controllers import paper_constants
 from ..building.ensembles import check_names, tuned_ensemble
 from ..runs.intervals import Interval, interval
 from ..settings.checks import holds_truth
@@ -76,6 +78,14 @@ def grid_candidates(grid: Any) -> list[Candidate]:
         values = {name: torch.tensor(value, dtype=torch.float64) for name, value in pairs}
         found.append(Candidate(", ".join(f"{name}={value:g}" for name, value in pairs), values))
     return found
+
+
+def with_own(grid: Any, loop: ClosedLoop) -> Any:
+    """A grid without constants of the paper's controller that a loop lacks."""
+    if not isinstance(grid, Mapping):
+        return grid
+    there = loop.constants()
+    return {k: v for k, v in grid.items() if k in there or k not in paper_constants()} or None
 
 
 def compared(paths: Sequence[str]) -> list[Candidate]:

@@ -2,6 +2,7 @@
 
 from ..registry import Registry
 from .boundary_layer import BoundaryLayer
+from .computed_torque import ComputedTorque
 from .controller import Controller
 from .estimator import Estimates, Estimator
 from .features import (
@@ -25,11 +26,13 @@ from .features import (
     equal_parameter_hidden,
 )
 from .integral import IntegralAction
+from .l1 import L1Adaptive, l1_gain, l1_norm
 from .labels import LABELS, FilteredLabels, Labels, MeasuredLabels
 from .laws import (
     LAW_PARTS,
     LAWS,
     AdaptiveLaw,
+    BoxProjection,
     Composite,
     ConcurrentLearning,
     ConstantGain,
@@ -58,6 +61,7 @@ from .mann import MannController
 from .mechanics import Mechanics
 from .meta_adaptive import MetaAdaptive
 from .mrac import InputOutputFilters, Mrac, OutputMrac
+from .pid import Pid
 from .robust import RobustGain
 from .saturation import SATURATIONS, AugmentedError, Hedging, MuModification, Saturation
 from .slotine_li import SlotineLi
@@ -70,7 +74,10 @@ CONTROLLERS: Registry[Controller] = Registry(
         "mann": MannController,
         "estimator": Estimator,
         "linear_feedback": LinearFeedback,
+        "computed_torque": ComputedTorque,
+        "l1": L1Adaptive,
         "meta_adaptive": MetaAdaptive,
+        "pid": Pid,
         "slotine_li": SlotineLi,
         "mrac": Mrac,
         "output_mrac": OutputMrac,
@@ -92,7 +99,9 @@ __all__ = [
     "AugmentedError",
     "Basis",
     "BoundaryLayer",
+    "BoxProjection",
     "Composite",
+    "ComputedTorque",
     "ConcurrentLearning",
     "Constant",
     "ConstantGain",
@@ -118,6 +127,7 @@ __all__ = [
     "InputOutputFilters",
     "IntegralAction",
     "Joined",
+    "L1Adaptive",
     "Labels",
     "Law",
     "LawPart",
@@ -137,6 +147,7 @@ __all__ = [
     "Normalisation",
     "OutputMrac",
     "Pair",
+    "Pid",
     "Projection",
     "RadialBasis",
     "RobustGain",
@@ -146,4 +157,6 @@ __all__ = [
     "SwitchingSigma",
     "Term",
     "equal_parameter_hidden",
+    "l1_gain",
+    "l1_norm",
 ]

@@ -21,12 +21,11 @@ from ..types import (
     InputGains,
     Measurement,
     Mode,
-    Proximity,
     ReferenceSample,
     TrackingError,
 )
+from .adaptive_controller import AdaptiveController, Look
 from .boundary_layer import BoundaryLayer
-from .controller import Controller
 from .error_feedback import ErrorFeedback
 from .features import Approximation, Approximator, FeatureNetwork, Measured, NetworkInputs
 from .integral import IntegralAction
@@ -39,7 +38,7 @@ from .tracking import FilteredTracking, check_joints, check_measured, tracking_g
 class MetaAdaptiveState(NamedTuple):
     """What adapts, and the integral of r."""
 
-    adapted: ControllerState
+    adaptive: ControllerState
     integral: Tensor | None = None  # (..., n)
 
 
@@ -53,7 +52,7 @@ class MetaAdaptiveSignals(NamedTuple):
     force: Tensor  # (..., n) what goes through B^-1
 
 
-class MetaAdaptive(Controller):
+class MetaAdaptive(AdaptiveController):
     """u = B^-1 (M v' + C v + N + K r + W'(y + h_o)), v = ds/dt + Lambda e, r = v - qd.
 
     M, C, N and B are `mechanics` of nominal `parameters`: without them the first three are 0, B is
@@ -102,32 +101,6 @@ class MetaAdaptive(Controller):
         self.approximator = Approximator(network, memory)
         self.reference_order = max(1 if self.nominal is None else 2, inputs.reference_order)
 
-    @property
-    def reallocates(self) -> bool:  # type: ignore[override]
-        """Whether a jump can change its state: of a memory's slot, or of a law."""
-        return self.approximator.reallocates
-
-    @property
-    def periods(self) -> tuple[float, ...]:  # type: ignore[override]
-        """Of its laws."""
-        return self.approximator.periods
-
-    @property
-    def switches(self) -> bool:  # type: ignore[override]
-        """Whether the memory attends one slot at a time."""
-        return self.approximator.switches
-
-    def initial_weights(
-        self, batch_shape: Sequence[int], generator: torch.Generator | None = None
-    ) -> Any:
-        """The network's weights at t = 0."""
-        return self.approximator.network.initial_state(batch_shape, generator)
-
-    def check_weights(self, weights: Any) -> torch.Size:
-        """Batch shape of weights. Raises `ShapeError`, `DtypeError` or `ConfigError`."""
-        found = self.approximator.network.check_state
-        return torch.Size() if weights is None else found(weights)
-
     def check_fit(self, n_inputs: int, n_outputs: int) -> None:
         """Raise `ShapeError` unless there is an input for each of n outputs."""
         check_joints(self.n_joints, n_inputs, n_outputs)
@@ -142,11 +115,12 @@ class MetaAdaptive(Controller):
     ) -> tuple[MetaAdaptiveState, Mode]:
         """State and mode at t = 0. Raises `KindError`."""
         check_measured(measurement)
-        nn_input = self._look(reference, measurement)[1]
-        adapted, mode = self.approximator.initial_state(
-            nn_input, measurement.q, batch_shape, generator, weights
+        tracking = self.tracking(reference, measurement)
+        seen = self._seen(tracking, reference, measurement)
+        adaptive, mode = self.approximator.initial_state(
+            seen.nn_input, seen.context, batch_shape, generator, weights
         )
-        return MetaAdaptiveState(adapted, self.pushing.initial_state(batch_shape)), mode
+        return MetaAdaptiveState(adaptive, self.pushing.initial_state(batch_shape)), mode
 
     def forward(
         self,
@@ -157,59 +131,19 @@ class MetaAdaptive(Controller):
     ) -> ControlOutput:
         """u (..., n), time derivative of the state, and signals."""
         q, qd = measurement.q, measurement.qd
-        tracking, nn_input = self._look(reference, measurement)
-        r = tracking.filtered_error
-        found: Approximation = self.approximator(nn_input, r, q, state.adapted, mode)
+        tracking: TrackingError = self.tracking(reference, measurement)
+        seen, r = self._seen(tracking, reference, measurement), tracking.filtered_error
+        found: Approximation = self.approximator(seen.nn_input, r, q, state.adaptive, mode)
         u = force = self.pushing(r, state.integral) + found.output
         if self.nominal is not None:
             pull = times_column(self.tracking.error_gain, tracking.error_rate)
             force = force + self.nominal.force(q, qd, qd + r, reference.upto(2)[2] + pull)
             u = self.nominal.input_of(q, force.unsqueeze(-1))[..., 0]
-        rates = self.approximator.rates(found, self._drive(tracking, found), state.adapted, mode)
+        drive = self.driven(reference, seen, found, state)
+        rates = self.approximator.rates(found, drive, state.adaptive, mode)
         signals = MetaAdaptiveSignals(tracking, found.features, found.read, found.weights, force)
         kept = None if state.integral is None else r
         return ControlOutput(u, MetaAdaptiveState(rates, kept), signals)
-
-    def jump(
-        self,
-        reference: ReferenceSample,
-        measurement: Measurement,
-        state: MetaAdaptiveState,
-        mode: Mode,
-    ) -> tuple[MetaAdaptiveState, Mode]:
-        """Decisions of laws and memory."""
-        tracking, nn_input = self._look(reference, measurement)
-        adapted, mode = self.approximator.jump(
-            nn_input, tracking.filtered_error, measurement.q, state.adapted, mode,
-            lambda found: self._drive(tracking, found),
-        )  # fmt: skip
-        return state._replace(adapted=adapted), mode
-
-    def proximity(
-        self,
-        reference: ReferenceSample,
-        measurement: Measurement,
-        state: MetaAdaptiveState,
-        mode: Any,
-    ) -> Proximity:
-        """What decides the memory's next event."""
-        nn_input = self._look(reference, measurement)[1]
-        return self.approximator.proximity(nn_input, measurement.q, state.adapted, mode)
-
-    def reallocate(
-        self,
-        reference: ReferenceSample,
-        measurement: Measurement,
-        state: MetaAdaptiveState,
-        mode: Any,
-        due: Tensor,
-    ) -> tuple[MetaAdaptiveState, Any]:
-        """The memory's reset, in the samples `due` (...,) bool."""
-        nn_input = self._look(reference, measurement)[1]
-        adapted, mode = self.approximator.reallocate(
-            nn_input, measurement.q, state.adapted, mode, due
-        )
-        return state._replace(adapted=adapted), mode
 
     def input_gains(
         self, reference: ReferenceSample, output: ControlOutput, state: MetaAdaptiveState
@@ -225,14 +159,27 @@ class MetaAdaptive(Controller):
             rate = self.nominal.input_of(q, rate)
         return tracking_gains(position, rate, reference)
 
-    def _look(
-        self, reference: ReferenceSample, measurement: Measurement
-    ) -> tuple[TrackingError, Tensor]:
-        tracking: TrackingError = self.tracking(reference, measurement)
-        return tracking, self.inputs(tracking, reference, measurement)
+    def look(
+        self, reference: ReferenceSample, measurement: Measurement, state: MetaAdaptiveState
+    ) -> Look:
+        """x~, r, q and e."""
+        return self._seen(self.tracking(reference, measurement), reference, measurement)
 
-    def _drive(self, tracking: TrackingError, found: Approximation) -> Drive:
+    def _seen(
+        self, tracking: TrackingError, reference: ReferenceSample, measurement: Measurement
+    ) -> Look:
+        nn_input = self.inputs(tracking, reference, measurement)
+        r = tracking.filtered_error
+        return Look(nn_input, r, measurement.q, tracking.error, measurement)
+
+    def driven(
+        self,
+        reference: ReferenceSample,
+        seen: Look,
+        found: Approximation,
+        state: MetaAdaptiveState,
+    ) -> Drive:
         """P r drives, and |e| is that of positions."""
-        error = times_column(self.drive_gain, tracking.filtered_error)
-        error_norm = torch.linalg.vector_norm(tracking.error, dim=-1)
+        error = times_column(self.drive_gain, seen.drive)
+        error_norm = torch.linalg.vector_norm(seen.error, dim=-1)
         return Drive.of_features(found.features.hidden, error, error_norm)

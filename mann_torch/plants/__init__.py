@@ -19,7 +19,7 @@ from .regression import Regression, RegressionMeasurement, RegressionParameters,
 from .rohrs import RohrsPlant
 from .slotine_li_arm import SlotineLiArm, SlotineLiParameters, lumped
 from .two_link_arm import ArmCoefficients, ArmParameters, TwoLinkArm, arm_parameters
-from .wing_rock import CHOWDHARY_JOHNSON, ELZEBDA, WingRock, WingRockParameters
+from .wing_rock import CHOWDHARY_JOHNSON, ELZEBDA, WingRock, WingRockMeasurement, WingRockParameters
 
 PLANTS: Registry[Plant] = Registry(
     "plant",
@@ -80,6 +80,7 @@ __all__ = [
     "Torque",
     "TwoLinkArm",
     "WingRock",
+    "WingRockMeasurement",
     "WingRockParameters",
     "arm_parameters",
     "channels",

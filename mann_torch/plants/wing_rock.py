@@ -7,6 +7,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from ..checks import flag
 from ..domains import Finite
 from ..functional import times_column
 from ..stiff import FirstOrderBlock
@@ -27,6 +28,13 @@ class WingRockParameters(NamedTuple):
     weights: Tensor  # (..., 6) of 1, x1, x2, |x1| x2, |x2| x2, x1^3
 
 
+class WingRockMeasurement(NamedTuple):
+    """What is seen with an accelerometer."""
+
+    x: Tensor  # (..., 2) roll angle [rad] and rate [rad/s]
+    moment: Tensor  # (..., 1) [rad/s^2] W' phi: what accelerates the wing, less the input
+
+
 _FIELDS = {"weights": Field(CHOWDHARY_JOHNSON, Finite(), "1/s^2")}
 
 
@@ -35,11 +43,16 @@ class WingRock(Plant):
 
     phi = (1, x1, x2, |x1| x2, |x2| x2, x1^3). The default weights are `CHOWDHARY_JOHNSON`; those of
     `ELZEBDA` have a limit cycle without input, of amplitude 0.6076 and period 56.137. Source:
-    Chowdhary and Johnson 2010. The state is measured, the angle is to follow the reference.
+    Chowdhary and Johnson 2010. The state is measured, with an `accelerometer` the moment W' phi as
+    well; the angle is to follow the reference. Raises `KindError`.
     """
 
     Parameters = WingRockParameters
     fields = _FIELDS
+
+    def __init__(self, accelerometer: bool = False) -> None:
+        super().__init__()
+        self.accelerometer = flag("accelerometer", accelerometer)
 
     @property
     def inputs(self) -> tuple[Channel, ...]:
@@ -66,6 +79,17 @@ class WingRock(Plant):
         """The roll angle (..., 1) [rad]."""
         return state.x[..., :1]
 
+    def measure(self, state: RowState, coefficients: WingRockParameters) -> object:
+        """The state, and the moment where there is an accelerometer."""
+        if not self.accelerometer:
+            return state
+        moment = self._moment(state.x, coefficients).unsqueeze(-1)
+        return WingRockMeasurement(state.x.expand(*moment.shape[:-1], 2), moment)
+
+    def _moment(self, x: Tensor, coefficients: WingRockParameters) -> Tensor:
+        """W' phi (...,)."""
+        return (coefficients.weights * self.basis(x)).sum(-1)
+
     def derivative(
         self,
         t: Tensor,
@@ -75,7 +99,7 @@ class WingRock(Plant):
         coefficients: WingRockParameters,
     ) -> RowState:
         """(x2, u + W' phi) (..., 2)."""
-        moment = (coefficients.weights * self.basis(state.x)).sum(-1) + input.u[..., 0]
+        moment = self._moment(state.x, coefficients) + input.u[..., 0]
         rate = state.x[..., 1].expand(moment.shape)
         return RowState(torch.stack([rate, moment], dim=-1))
 
@@ -99,5 +123,9 @@ class WingRock(Plant):
         zero = torch.zeros_like(by_angle)
         jacobian = two_by_two(zero, zero + 1.0, by_angle, by_rate)
         B = torch.stack([torch.zeros_like(zero), torch.ones_like(zero)], dim=-1).unsqueeze(-1)
-        jacobian = jacobian - B @ gains.measurement
+        answer = gains.measurement
+        if self.accelerometer:  # the moment answers to the state too
+            by_state = torch.stack([by_angle, by_rate], dim=-1).unsqueeze(-2)
+            answer = answer[..., :2] + answer[..., 2:] @ by_state
+        jacobian = jacobian - B @ answer
         return rate, FirstOrderBlock(jacobian, times_column(B, gains.drift))

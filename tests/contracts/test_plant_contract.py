@@ -44,6 +44,7 @@ PLANTS_TO_CHECK: dict[str, Callable[[], Plant]] = {
     "flexible_joint_arm, all seen": lambda: FlexibleJointArm(1, measured="all"),
     "slotine_li_arm": SlotineLiArm,
     "wing_rock": WingRock,
+    "wing_rock, accelerometer": lambda: WingRock(accelerometer=True),
     "planar_quadrotor": PlanarQuadrotor,
     "linear": lambda: LinearPlant(*TWO_BY_TWO),
     "linear, state seen": lambda: LinearPlant(*TWO_BY_TWO, measured="state"),

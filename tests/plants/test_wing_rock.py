@@ -69,12 +69,15 @@ def test_limit_cycle_has_the_published_amplitude_and_period() -> None:
         assert period[-1] == pytest.approx(56.137270596, abs=1e-7)
 
 
-def test_the_block_is_the_loops_jacobian() -> None:
-    wing, x, gain = WingRock(), randn(6, 2), randn(6, 1, 2, seed=1)
+@pytest.mark.parametrize("accelerometer", [False, True])
+def test_the_block_is_the_loops_jacobian(accelerometer: bool) -> None:
+    wing, x = WingRock(accelerometer), randn(6, 2)
+    gain = randn(6, 1, 3 if accelerometer else 2, seed=1)
     p, t = wing.parameters_of(), torch.zeros(6, dtype=torch.float64)
 
     def rate(x: torch.Tensor) -> torch.Tensor:
-        u = wing.grouped(-(gain @ x.unsqueeze(-1))[..., 0])
+        seen = torch.cat(list(wing.measure(RowState(x), p)), dim=-1)
+        u = wing.grouped(-(gain @ seen.unsqueeze(-1))[..., 0])
         return wing.derivative(t, RowState(x), u, None, p).x
 
     full = torch.func.jacrev(rate)(x)
@@ -95,3 +98,14 @@ def test_the_origin_rests_without_the_constant_weight_only() -> None:
         for w in (ELZEBDA, CHOWDHARY_JOHNSON)
     ]
     assert rates[0] == [0.0, 0.0] and math.isclose(rates[1][1], 0.8)
+
+
+def test_the_accelerometer_shows_the_moment() -> None:
+    wing, x = WingRock(accelerometer=True), randn(6, 2)
+    p = wing.parameters_of()
+    seen = wing.measure(RowState(x), p)
+    rate = wing.derivative(
+        torch.zeros(6, dtype=torch.float64), RowState(x), wing.grouped(randn(6, 1)), None, p
+    )
+    assert torch.equal(seen.x, x)
+    torch.testing.assert_close(seen.moment, rate.x[..., 1:] - randn(6, 1), rtol=0, atol=1e-14)

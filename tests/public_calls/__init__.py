@@ -6,10 +6,12 @@ from tests.public_calls import (
     of_control,
     of_loop,
     of_memory,
+    of_mrac,
     of_parts,
     of_plants,
     of_signals,
     of_simulation,
+    of_tracking,
     of_tuning,
 )
 from tests.public_calls.things import Call
@@ -19,9 +21,11 @@ CALLS: dict[str, Call] = {
     **of_control.CALLS,
     **of_loop.CALLS,
     **of_memory.CALLS,
+    **of_mrac.CALLS,
     **of_parts.CALLS,
     **of_plants.CALLS,
     **of_signals.CALLS,
     **of_simulation.CALLS,
+    **of_tracking.CALLS,
     **of_tuning.CALLS,
 }

@@ -2,6 +2,7 @@
 
 from ...registry import Registry
 from .adaptive import AdaptiveLaw
+from .box_projection import BoxProjection
 from .composite import Composite
 from .concurrent_learning import ConcurrentLearning
 from .constant_gain import ConstantGain
@@ -33,6 +34,7 @@ LAW_PARTS: Registry[LawPart] = Registry(
         "least_squares": LeastSquares,
         "normalisation": Normalisation,
         "projection": Projection,
+        "box_projection": BoxProjection,
         "sigma": SigmaModification,
         "switching_sigma": SwitchingSigma,
     },
@@ -42,6 +44,7 @@ __all__ = [
     "LAWS",
     "LAW_PARTS",
     "AdaptiveLaw",
+    "BoxProjection",
     "Composite",
     "ConcurrentLearning",
     "ConstantGain",

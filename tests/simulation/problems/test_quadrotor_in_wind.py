@@ -24,7 +24,7 @@ from mann_torch.plants import PlanarQuadrotor
 from mann_torch.signals import Disturbance, Polynomial, Sinusoids, Sum
 from mann_torch.types import Measurement
 
-FEATURES = Path(__file__).parents[3] / "experiments/benchmarks/data/pfar_features.npz"
+FEATURES = Path(__file__).parents[3] / "experiments/problems/data/pfar_features.npz"
 T, PERIOD = 10.0, 0.01
 
 
@@ -80,18 +80,17 @@ def flown(name: str, engine: str) -> tuple[mt.ClosedLoop, mt.Trajectory]:
 def commands(loop: mt.ClosedLoop, run: mt.Trajectory) -> Tensor:
     """u (1001, 3): the command of a tick is what is held one sample later, that of T a tick on."""
     q, qd = run.states.plant
-    last, rates = run.states.controller.adapted, run.held.clock.rates.adapted
+    last, rates = run.states.controller.adaptive, run.held.clock.rates.adaptive
     state = run.states.controller
     W = last.network.W[-1]
 
     def asked(W: Tensor) -> mt.ControlOutput:
-        adapted = last._replace(network=last.network._replace(W=W))
-        return loop.controller(
-            signal()(run.sample_t[-1]), Measurement(q[-1], qd[-1]), state._replace(adapted=adapted),
-            None,
-        )  # fmt: skip
+        adaptive = last._replace(network=last.network._replace(W=W))
+        seen = Measurement(q[-1], qd[-1])
+        moved = state._replace(adaptive=adaptive)
+        return loop.controller(signal()(run.sample_t[-1]), seen, moved, None)
 
-    ahead = asked(W + PERIOD * rates.network.W[-1]).d_state.adapted.network.W
+    ahead = asked(W + PERIOD * rates.network.W[-1]).d_state.adaptive.network.W
     W = W + 0.5 * PERIOD * (rates.network.W[-1] + ahead)
     return torch.cat([run.held.clock.input[1:], asked(W).input.unsqueeze(0)])
 

@@ -1,0 +1,1 @@
+"""Benchmark problems tuned by gradient, and judged where they were not tuned."""
