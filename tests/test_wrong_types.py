@@ -54,6 +54,7 @@ PASSIVE = {
     *("FlexibleJointCoefficients", "LinearParameters", "LinearCoefficients", "WingRockParameters"),
     *("PendulumParameters", "PendulumCoefficients", "DoubleIntegratorParameters"),
     *("Drive", "Pair", "Approximation", "Gain", "GainInForce", "Gate", "Guard", "Leak", "Term"),
+    *("LawPart", "Basis", "Mechanics"),
     *("LawPart", "Basis", "Labels", "Saturation", "WingRockMeasurement"),
     *("noise_at", "scaled"),  # tensor maths inside the rollout
 }

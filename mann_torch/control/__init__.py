@@ -2,7 +2,9 @@
 
 from ..registry import Registry
 from .boundary_layer import BoundaryLayer
+from .computed_torque import ComputedTorque
 from .controller import Controller
+from .estimator import Estimates, Estimator
 from .features import (
     BASES,
     NETWORKS,
@@ -59,6 +61,7 @@ from .mann import MannController
 from .mechanics import Mechanics
 from .meta_adaptive import MetaAdaptive
 from .mrac import InputOutputFilters, Mrac, OutputMrac
+from .pid import Pid
 from .robust import RobustGain
 from .saturation import SATURATIONS, AugmentedError, Hedging, MuModification, Saturation
 from .slotine_li import SlotineLi
@@ -69,9 +72,12 @@ CONTROLLERS: Registry[Controller] = Registry(
     Controller,
     {
         "mann": MannController,
+        "estimator": Estimator,
         "linear_feedback": LinearFeedback,
+        "computed_torque": ComputedTorque,
         "l1": L1Adaptive,
         "meta_adaptive": MetaAdaptive,
+        "pid": Pid,
         "slotine_li": SlotineLi,
         "mrac": Mrac,
         "output_mrac": OutputMrac,
@@ -95,6 +101,7 @@ __all__ = [
     "BoundaryLayer",
     "BoxProjection",
     "Composite",
+    "ComputedTorque",
     "ConcurrentLearning",
     "Constant",
     "ConstantGain",
@@ -104,6 +111,8 @@ __all__ = [
     "Drive",
     "EModification",
     "ErrorsAndReference",
+    "Estimates",
+    "Estimator",
     "FeatureNetwork",
     "FilteredLabels",
     "FilteredTracking",
@@ -138,6 +147,7 @@ __all__ = [
     "Normalisation",
     "OutputMrac",
     "Pair",
+    "Pid",
     "Projection",
     "RadialBasis",
     "RobustGain",

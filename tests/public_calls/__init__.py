@@ -11,6 +11,7 @@ from tests.public_calls import (
     of_plants,
     of_signals,
     of_simulation,
+    of_tracking,
     of_tuning,
 )
 from tests.public_calls.things import Call
@@ -25,5 +26,6 @@ CALLS: dict[str, Call] = {
     **of_plants.CALLS,
     **of_signals.CALLS,
     **of_simulation.CALLS,
+    **of_tracking.CALLS,
     **of_tuning.CALLS,
 }

@@ -24,7 +24,7 @@ from mann_torch.plants import PlanarQuadrotor
 from mann_torch.signals import Disturbance, Polynomial, Sinusoids, Sum
 from mann_torch.types import Measurement
 
-FEATURES = Path(__file__).parents[3] / "experiments/benchmarks/data/pfar_features.npz"
+FEATURES = Path(__file__).parents[3] / "experiments/problems/data/pfar_features.npz"
 T, PERIOD = 10.0, 0.01
 
 
