@@ -4,7 +4,7 @@ from ..registry import Registry
 from .boundary_layer import BoundaryLayer
 from .computed_torque import ComputedTorque
 from .controller import Controller
-from .estimator import Estimates, Estimator
+from .estimator import Estimator
 from .features import (
     BASES,
     NETWORKS,
@@ -111,7 +111,6 @@ __all__ = [
     "Drive",
     "EModification",
     "ErrorsAndReference",
-    "Estimates",
     "Estimator",
     "FeatureNetwork",
     "FilteredLabels",

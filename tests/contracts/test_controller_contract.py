@@ -68,6 +68,11 @@ CONTROLLERS_TO_CHECK: dict[str, Callable[[], control.Controller]] = {
     "mrac, hedged": lambda: of_mrac(saturation=control.Hedging(MODEL, INPUT, 0.5)),
     "mrac, augmented error": lambda: of_mrac(saturation=control.AugmentedError(MODEL, INPUT, 0.5)),
     "mrac, with a memory": lambda: of_mrac(memory=mt.WorkingMemory(2, 3, mt.HardAttention())),
+    "estimator": control.Estimator,
+    "estimator, of pairs": lambda: control.Estimator(
+        control.AdaptiveLaw(control.LeastSquares(2.0), control.ConcurrentLearning(0.3, 2, 0.02))
+    ),
+    "estimator, drem": lambda: control.Estimator(control.Drem(2.0, 0.95), start=0.5),
     "output_mrac": lambda: control.OutputMrac([1.0, 2.0]),
     "pid": lambda: control.Pid(2, 20.0, 5.0, 3.0, 0.1),
     "pid, filtered": lambda: control.Pid(1, 3.0, 1.0, 0.5, filter_rate=20.0, limit=0.8),
