@@ -41,7 +41,7 @@ CALLS: dict[str, Call] = {
     "Hedging": (control.Hedging, LIMITED),
     "MuModification": (
         control.MuModification,
-        {**LIMITED, "mu": 1.0, "margin": 0.1, "deficit_rate": 1.0, "start": 0.5},
+        {**LIMITED, "mu": 1.0, "limit_margin": 0.1, "deficit_rate": 1.0, "start": 0.5},
     ),
     "FilteredLabels": (control.FilteredLabels, {"A": MODEL, "B": INPUT, "label_rate": 5.0}),
     "MeasuredLabels": (control.MeasuredLabels, {"field": "moment"}),
