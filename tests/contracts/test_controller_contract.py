@@ -66,6 +66,7 @@ CONTROLLERS_TO_CHECK: dict[str, Callable[[], control.Controller]] = {
         labels=control.FilteredLabels([[0.0, 1.0], [0.0, 0.0]], INPUT, 5.0),
     ),
     "mrac, hedged": lambda: of_mrac(saturation=control.Hedging(MODEL, INPUT, 0.5)),
+    "mrac, known limits": lambda: of_mrac(saturation=control.KnownLimits(0.5)),
     "mrac, augmented error": lambda: of_mrac(saturation=control.AugmentedError(MODEL, INPUT, 0.5)),
     "mrac, with a memory": lambda: of_mrac(memory=mt.WorkingMemory(2, 3, mt.HardAttention())),
     "estimator": control.Estimator,
