@@ -24,7 +24,7 @@ from .building.ensembles import ensemble_of
 from .building.plants import build_plant
 from .building.sizes import check_rollouts
 from .command.cli import command_line, reject_unknown, run_cli
-from .gradients.elasticities import Findings, difference_name, estimate_all
+from .gradients.elasticities import Findings, difference_name, estimate_all, pathwise_modes
 from .gradients.figures import landscapes, norms
 from .records.recording import log_summary, summary_writer, telling_settings
 from .runs.figures import with_unit
@@ -91,7 +91,8 @@ def _task(cfg: Any) -> None:
     folder = Path(HydraConfig.get().runtime.output_dir)
     command = command_line("experiments.gradient_report")
     start = time.perf_counter()
-    stages = 3 + len(plain.steps) + len(plain.temperatures) + 1
+    modes = [mode for mode in pathwise_modes(ensemble) if mode != "soft"]
+    stages = 2 + len(modes) + len(plain.steps) + len(plain.temperatures) + 1
     stages += sum(horizon < ensemble.scenario.end for horizon in plain.horizons)
     with progress_bar(stages, "stage") as bar:
 

@@ -24,6 +24,7 @@ TEXTS = {("Scenario", "name"), ("Scenario.stack", "name"), ("DesignModule.declar
 TEXTS |= {("Spline.from_file", "path"), ("channels", "prefix"), ("channels", "unit")}
 TEXTS |= {
     ("ConstantGain", "name"),
+    ("MeasuredLabels", "field"),
     ("memory_figure", "title"),
     ("memory_figure", "t_label"),
     ("Ensemble", "device"),
@@ -47,13 +48,14 @@ PASSIVE = {
     *("Law", "ReferenceModel", "Channel", "ControlOutput", "ReferenceSample", "Observation"),
     *("Forces", "Outside", "Surroundings"),
     *("HardAttention", "SoftAttention", "RepresentationKeys"),
-    *("Field", "Input", "Torque", "MechanicalPlant", "RowState", "MeasuredOutput", "WingRock"),
+    *("Field", "Input", "Torque", "MechanicalPlant", "RowState", "MeasuredOutput"),
     *("SlotineLiArm", "SlotineLiParameters", "PlanarQuadrotor", "QuadrotorParameters"),
     *("NLinkParameters", "NLinkCoefficients", "FlexibleJointParameters", "CartPoleParameters"),
     *("FlexibleJointCoefficients", "LinearParameters", "LinearCoefficients", "WingRockParameters"),
     *("PendulumParameters", "PendulumCoefficients", "DoubleIntegratorParameters"),
     *("Drive", "Pair", "Approximation", "Gain", "GainInForce", "Gate", "Guard", "Leak", "Term"),
     *("LawPart", "Basis", "Mechanics"),
+    *("LawPart", "Basis", "Labels", "Saturation", "WingRockMeasurement"),
     *("noise_at", "scaled"),  # tensor maths inside the rollout
 }
 

@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from mann_torch.control import CONTROLLERS, BoundaryLayer, Controller, IntegralAction
+from mann_torch.control import (
+    CONTROLLERS,
+    LABELS,
+    SATURATIONS,
+    BoundaryLayer,
+    Controller,
+    IntegralAction,
+)
 from mann_torch.errors import ConfigError
 from mann_torch.plants import MechanicalPlant, Plant
 from mann_torch.registry import Registry
@@ -19,7 +26,12 @@ from .networks import build_network
 from .plants import build_plant
 
 #: Nodes within `controller` that are parts of it: of one class, or of a registry, by name.
-NESTED: dict[str, Any] = {"robust": BoundaryLayer, "integral": IntegralAction}
+NESTED: dict[str, Any] = {
+    "robust": BoundaryLayer,
+    "integral": IntegralAction,
+    "saturation": SATURATIONS,
+    "labels": LABELS,
+}
 #: What a memory is told, within `controller`.
 _OF_MEMORY = ("attention", "phase")
 #: What is adapted where nothing is said: gains on what is fed in.
@@ -87,11 +99,13 @@ def _of_plant(
     """Sizes, and the equations that the controller believes in: `nominal` rows are its own."""
     coefficients = plant.coefficients(build_plant(cfg.plant)[1])
     measured = plant.measure(plant.rest(), coefficients)
+    label = getattr(given.get("labels"), "field", None)
+    of_state = [name for name in measured._fields if name != label]
     supplied: dict[str, Any] = {
         "n_inputs": len(plant.inputs),
         "n_outputs": len(plant.outputs),
         "n_joints": len(plant.outputs),
-        "n_measured": sum(part.shape[-1] for part in measured),
+        "n_measured": sum(getattr(measured, name).shape[-1] for name in of_state),
     }
     if "mechanics" not in takes:
         return supplied

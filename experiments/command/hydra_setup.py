@@ -14,6 +14,7 @@ from ..settings.config import ReproduceConfig, SimulateConfig
 from ..settings.ensemble_config import EnsembleConfig
 from ..settings.memory_config import OnlineRegressionConfig, RecallConfig
 from ..settings.problem_tuning_config import ProblemTuningConfig
+from ..settings.returning_config import ReturningConfig
 from ..settings.study_config import GradientReportConfig, TuneConfig
 from .help_texts import help_text
 
@@ -43,11 +44,20 @@ def _sweep_folder(run_dir: str | None, task: str) -> str:
     return folder
 
 
+#: Files that come with the package, for settings that name one.
+DATA = Path(__file__).resolve().parents[1] / "problems" / "data"
+
+
+def _data_file(name: str) -> str:
+    return str(DATA / name)
+
+
 def register() -> None:
     """Put schemas and resolvers in Hydra's stores; safe to call again."""
     OmegaConf.register_new_resolver("run_folder", _run_folder, replace=True, use_cache=True)
     OmegaConf.register_new_resolver("sweep_folder", _sweep_folder, replace=True, use_cache=True)
     OmegaConf.register_new_resolver("tune_folder", _tune_folder, replace=True, use_cache=True)
+    OmegaConf.register_new_resolver("data_file", _data_file, replace=True)
     OmegaConf.register_new_resolver("help_text", help_text, replace=True)
     store = ConfigStore.instance()
     store.store(name="base_simulate", node=SimulateConfig)
@@ -58,4 +68,5 @@ def register() -> None:
     store.store(name="base_recall", node=RecallConfig)
     store.store(name="base_tune", node=TuneConfig)
     store.store(name="base_tune_problems", node=ProblemTuningConfig)
+    store.store(name="base_returning", node=ReturningConfig)
     store.store(name="base_gradient_report", node=GradientReportConfig)

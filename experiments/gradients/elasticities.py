@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from mann_torch import Outcome, reallocations, srmse, switches
+from mann_torch import Implicit, Outcome, reallocations, srmse, switches
 from mann_torch.tuning import (
     PATHWISE,
     TOTALS,
@@ -142,7 +142,8 @@ def estimate_all(
     slope = smoothed(values, zero, members, spread=cfg.spread, pairs=cfg.pairs, control=control)
     estimates.append(Estimate("smoothed", _intervals(slope, level)))
     norms: dict[str, list[tuple[float, float]]] = {}
-    for mode in PATHWISE:
+    modes = pathwise_modes(ensemble)
+    for mode in modes:
         for temperature in cfg.temperatures if mode == "soft" else [None]:
             name = mode if temperature is None else f"{mode} T = {temperature:g}"
             progress(name)
@@ -156,7 +157,7 @@ def estimate_all(
             continue
         progress(f"norms at {horizon:g} s")
         short = ensemble.until(horizon)
-        for mode in ("plain", "hybrid"):
+        for mode in (mode for mode in ("plain", "hybrid") if mode in modes):
             slopes, value = pathwise_slopes(short, coordinates, zero, judge, mode)
             norms[mode].insert(0, (horizon, float(slopes.mean(dim=0).norm()) / value))
     return Findings(
@@ -172,6 +173,11 @@ def estimate_all(
         judge=difference_name(cfg.judge),
         events=events,
     )
+
+
+def pathwise_modes(ensemble: Ensemble) -> list[str]:
+    """Those that there are for its solver: events are located in steps of the implicit one."""
+    return [m for m in PATHWISE if m != "hybrid" or isinstance(ensemble.solver, Implicit)]
 
 
 def difference_name(step: float) -> str:

@@ -4,6 +4,7 @@ from ..registry import Registry
 from .boundary_layer import BoundaryLayer
 from .computed_torque import ComputedTorque
 from .controller import Controller
+from .estimator import Estimates, Estimator
 from .features import (
     BASES,
     NETWORKS,
@@ -71,6 +72,7 @@ CONTROLLERS: Registry[Controller] = Registry(
     Controller,
     {
         "mann": MannController,
+        "estimator": Estimator,
         "linear_feedback": LinearFeedback,
         "computed_torque": ComputedTorque,
         "l1": L1Adaptive,
@@ -109,6 +111,8 @@ __all__ = [
     "Drive",
     "EModification",
     "ErrorsAndReference",
+    "Estimates",
+    "Estimator",
     "FeatureNetwork",
     "FilteredLabels",
     "FilteredTracking",

@@ -13,18 +13,25 @@ class MatrixConstants(DesignModule):
     """A module that declares matrices."""
 
     def declare_matrix(
-        self, name: str, value: Numbers, rows: int | None = None, columns: int | None = None
+        self,
+        name: str,
+        value: Numbers,
+        rows: int | None = None,
+        columns: int | None = None,
+        told: str = "",
     ) -> tuple[int, int]:
         """Its shape; None is any number of rows or columns. Raises `ShapeError` and as `declare`.
 
-        The constant `name` holds it row by row, and `matrix` gives it back.
+        The constant `name` holds it row by row, and `matrix` gives it back. An error calls it as it
+        was `told`, by another name, maybe.
         """
-        matrix = as_float64(value, name)
+        told = told or name
+        matrix = as_float64(value, told)
         sizes = tuple(matrix.shape)
         fits = len(sizes) == 2 and rows in (None, sizes[0]) and columns in (None, sizes[1])
         if not fits or 0 in sizes:
-            told = ", ".join("any" if n is None else str(n) for n in (rows, columns))
-            raise ShapeError(f"{name} of shape {sizes}: give a matrix ({told})")
+            wanted = ", ".join("any" if n is None else str(n) for n in (rows, columns))
+            raise ShapeError(f"{told} of shape {sizes}: give a matrix ({wanted})")
         self.declare(name, matrix.reshape(-1), FiniteRow(), (matrix.numel(),))
         self._columns = {**getattr(self, "_columns", {}), name: sizes[1]}
         return sizes[0], sizes[1]

@@ -15,6 +15,7 @@ from .n_link_arm import NLinkArm, NLinkCoefficients, NLinkParameters
 from .pendulum import Pendulum, PendulumCoefficients, PendulumParameters
 from .plant import Field, Input, Plant, channels, zeros
 from .quadrotor import PlanarQuadrotor, QuadrotorParameters
+from .regression import Regression, RegressionMeasurement, RegressionParameters, RegressionState
 from .rohrs import RohrsPlant
 from .slotine_li_arm import SlotineLiArm, SlotineLiParameters, lumped
 from .two_link_arm import ArmCoefficients, ArmParameters, TwoLinkArm, arm_parameters
@@ -32,6 +33,7 @@ PLANTS: Registry[Plant] = Registry(
         "planar_quadrotor": PlanarQuadrotor,
         "linear": LinearPlant,
         "rohrs": RohrsPlant,
+        "regression": Regression,
         "cart_pole": CartPole,
         "pendulum": Pendulum,
         "double_integrator": DoubleIntegrator,
@@ -67,6 +69,10 @@ __all__ = [
     "PlanarQuadrotor",
     "Plant",
     "QuadrotorParameters",
+    "Regression",
+    "RegressionMeasurement",
+    "RegressionParameters",
+    "RegressionState",
     "RohrsPlant",
     "RowState",
     "SlotineLiArm",

@@ -12,7 +12,7 @@ from torch import Tensor
 from ..control import Controller
 from ..errors import ConfigError, InterfaceError, ShapeError
 from ..parts import ReferenceModel, SecondOrderModel
-from ..plants import DoubleIntegrator, LinearPlant, Plant, TwoLinkArm
+from ..plants import DoubleIntegrator, LinearPlant, Plant, Regression, TwoLinkArm
 from ..signals import Reference, Sinusoid
 from ..trees import map_tensors
 from ..types import ControlOutput, ReferenceSample
@@ -27,6 +27,7 @@ PLANTS: tuple[Callable[[], Plant], ...] = (
     DoubleIntegrator,
     partial(LinearPlant, [[-1.0]], [[1.0]], [[1.0]]),
     partial(LinearPlant, [[0.0, 1.0], [-1.0, -2.0]], [[0.0], [1.0]], [[1.0, 0.0]], "state"),
+    Regression,
 )
 #: Steps, and their length [s], on the way from t = 0.
 STEPS, STEP = 4, 0.01

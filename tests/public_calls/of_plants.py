@@ -28,6 +28,7 @@ CALLS: dict[str, Call] = {
     "zeros": (lambda widths: plants.zeros(widths), {"widths": 2}),
     "controllable_form": (plants.controllable_form, SECOND_ORDER),
     "RohrsPlant": (plants.RohrsPlant, {"fast_poles": True}),
+    "WingRock": (plants.WingRock, {"accelerometer": True}),
     "lumped": (
         plants.lumped,
         {

@@ -35,12 +35,12 @@ class FilteredLabels(MatrixConstants, Labels):
     `DomainError`, `KindError` or `DtypeError`.
     """
 
-    def __init__(self, A: Numbers, B: Numbers, rate: Numbers = 10.0) -> None:
+    def __init__(self, A: Numbers, B: Numbers, label_rate: Numbers = 10.0) -> None:
         super().__init__()
         self.label_rate: Tensor
-        self.n_states, self.n_inputs = self.declare_matrix("label_input", B)
-        self.declare_matrix("label_dynamics", A, self.n_states, self.n_states)
-        self.declare("label_rate", rate, Positive())
+        self.n_states, self.n_inputs = self.declare_matrix("label_input", B, told="B")
+        self.declare_matrix("label_dynamics", A, self.n_states, self.n_states, "A")
+        self.declare("label_rate", label_rate, Positive())
 
     def initial_state(self, features: int, x: Tensor, batch_shape: Sequence[int]) -> LabelFilters:
         """x_f = x, all else 0."""

@@ -27,7 +27,8 @@ class Law(Interface, DesignModule):
     4. Without an error, and with state and mode at t = 0, estimates stand still, unless the law
        says by `decays` that they move towards 0, or by `drives` that it has an error of its own.
     5. `needs` names what it reads of a `Drive` beyond regressor and error: "error_norm", "excess",
-       "pair". A controller that has no such thing refuses the law.
+       "pair". A controller that has no such thing refuses the law. Regressors (..., N, r) may have
+       any r, unless it says `rows`.
     6. `jump` twice at one instant is `jump` once. What it does from time to time it times itself
        (`control.timing`), and says `periods`.
     """
@@ -46,6 +47,11 @@ class Law(Interface, DesignModule):
     def needs(self) -> frozenset[str]:
         """Fields of `Drive` that it reads and not every controller has."""
         return frozenset()
+
+    @property
+    def rows(self) -> int | None:
+        """r of the regressors (..., N, r) that it takes; None: any."""
+        return None
 
     @property
     def periods(self) -> tuple[float, ...]:

@@ -33,6 +33,11 @@ class LawPart(Interface, DesignModule):
         return frozenset()
 
     @property
+    def rows(self) -> int | None:
+        """r of the regressors (..., N, r) that it takes; None: any."""
+        return None
+
+    @property
     def periods(self) -> tuple[float, ...]:
         """Periods [s] at whose multiples its `jump` samples."""
         return ()

@@ -12,7 +12,7 @@ from ..matrices import MatrixConstants
 class KnownFeedback(MatrixConstants):
     """K_r r - K_x x + K_e e, of what is given.
 
-    Constants, row by row: `command_gain` (m, p), `state_feedback` (m, n), `error_feedback` (m, n).
+    Constants, row by row: `feedforward` (m, p), `feedback` (m, n), `error_feedback` (m, n).
     Raises `ShapeError`, `DomainError`, `KindError` or `DtypeError`.
     """
 
@@ -26,8 +26,8 @@ class KnownFeedback(MatrixConstants):
         super().__init__()
         m, n, p = self.sizes = sizes
         for name, value, columns in (
-            ("command_gain", feedforward, p),
-            ("state_feedback", feedback, n),
+            ("feedforward", feedforward, p),
+            ("feedback", feedback, n),
             ("error_feedback", error_feedback, n),
         ):
             if value is not None:
@@ -35,15 +35,15 @@ class KnownFeedback(MatrixConstants):
 
     def forward(self, u: Tensor, command: Tensor, x: Tensor, error: Tensor) -> Tensor:
         """u (..., m), and these terms."""
-        given = {"command_gain": command, "state_feedback": x, "error_feedback": error}
+        given = {"feedforward": command, "feedback": x, "error_feedback": error}
         for name in self.domains():
             term = times_column(self.matrix(name), given[name])
-            u = u - term if name == "state_feedback" else u + term
+            u = u - term if name == "feedback" else u + term
         return u
 
     def slope(self) -> Tensor:
         """-d u/d x (..., m, n), where e = x_m - x."""
         total = torch.zeros(self.sizes[:2], dtype=torch.float64)
         for name in self.domains():
-            total = total if name == "command_gain" else total + self.matrix(name)
+            total = total if name == "feedforward" else total + self.matrix(name)
         return total

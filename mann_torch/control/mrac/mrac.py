@@ -58,7 +58,7 @@ class Mrac(MatrixConstants, AdaptiveController):
     with n + p inputs and m outputs, `memory` adds h_o; `robust`, `integral`, `saturation` and
     `labels`, which measures the uncertainty for laws that learn from a `Pair`, are there if given.
 
-    Constants: `error_gain` (m, n), `state_feedback` K_x (m, n), `command_gain` K_r (m, p),
+    Constants: `error_gain` (m, n), `feedback` K_x (m, n), `feedforward` K_r (m, p),
     `error_feedback` K_e (m, n), each row by row, where they are given, and those of the parts.
     Narendra and Annaswamy 1989, Stable Adaptive Systems, ch. 3. Raises `ConfigError` where a law
     needs what is not given, `ShapeError`, `DomainError`, `KindError` or `DtypeError`.

@@ -22,12 +22,12 @@ class Deficit(MatrixConstants, Saturation):
     `KindError` or `DtypeError`.
     """
 
-    def __init__(self, A: Numbers, B: Numbers, limit: Numbers) -> None:
+    def __init__(self, A: Numbers, B: Numbers, input_limit: Numbers) -> None:
         super().__init__()
         self.input_limit: Tensor
-        self.n_states, self.n_inputs = self.declare_matrix("deficit_input", B)
-        self.declare_matrix("deficit_dynamics", A, self.n_states, self.n_states)
-        self.declare("input_limit", limit, PositiveRow(), (self.n_inputs,))
+        self.n_states, self.n_inputs = self.declare_matrix("deficit_input", B, told="B")
+        self.declare_matrix("deficit_dynamics", A, self.n_states, self.n_states, "A")
+        self.declare("input_limit", input_limit, PositiveRow(), (self.n_inputs,))
 
     @property
     def limit(self) -> Tensor:

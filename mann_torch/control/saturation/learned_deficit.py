@@ -31,12 +31,17 @@ class LearnedDeficit(Deficit):
     """
 
     def __init__(
-        self, A: Numbers, B: Numbers, limit: Numbers, rate: Numbers = 1.0, start: Numbers = 0.0
+        self,
+        A: Numbers,
+        B: Numbers,
+        input_limit: Numbers,
+        deficit_rate: Numbers = 1.0,
+        start: Numbers = 0.0,
     ) -> None:
-        super().__init__(A, B, limit)
+        super().__init__(A, B, input_limit)
         self.deficit_rate: Tensor
         self.start: Tensor
-        self.declare("deficit_rate", rate, NonNegative())
+        self.declare("deficit_rate", deficit_rate, NonNegative())
         first = Finite().check("start", as_float64(start, "start").detach())
         if first.dim() and first.shape != (self.n_inputs,):
             raise ShapeError(f"start of shape {tuple(first.shape)}: give {self.n_inputs} numbers")

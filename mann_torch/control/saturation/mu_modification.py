@@ -24,13 +24,13 @@ class MuModification(LearnedDeficit):
         self,
         A: Numbers,
         B: Numbers,
-        limit: Numbers,
+        input_limit: Numbers,
         mu: Numbers = 1.0,
         margin: Numbers = 0.1,
-        rate: Numbers = 1.0,
+        deficit_rate: Numbers = 1.0,
         start: Numbers = 0.0,
     ) -> None:
-        super().__init__(A, B, limit, rate, start)
+        super().__init__(A, B, input_limit, deficit_rate, start)
         self.mu: Tensor
         self.margin: Tensor
         self.declare("mu", mu, NonNegative())
