@@ -118,7 +118,7 @@ ROOMS = (
     ("records",),
     ("building",),
     ("reproduction", "gradients", "tuning", "learning"),
-    ("benchmarking", "benchmarks"),
+    ("benchmarking",),
 )
 
 

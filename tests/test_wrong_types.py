@@ -24,6 +24,8 @@ TEXTS = {("Scenario", "name"), ("Scenario.stack", "name"), ("DesignModule.declar
 TEXTS |= {("Spline.from_file", "path"), ("channels", "prefix"), ("channels", "unit")}
 TEXTS |= {
     ("ConstantGain", "name"),
+    ("Estimator", "features"),
+    ("Estimator", "label"),
     ("MeasuredLabels", "field"),
     ("memory_figure", "title"),
     ("memory_figure", "t_label"),
@@ -54,6 +56,8 @@ PASSIVE = {
     *("FlexibleJointCoefficients", "LinearParameters", "LinearCoefficients", "WingRockParameters"),
     *("PendulumParameters", "PendulumCoefficients", "DoubleIntegratorParameters"),
     *("Drive", "Pair", "Approximation", "Gain", "GainInForce", "Gate", "Guard", "Leak", "Term"),
+    *("LawPart", "Basis", "Mechanics", "FreezeWhileSaturated"),
+    *("Regression", "RegressionMeasurement", "RegressionParameters", "RegressionState"),
     *("LawPart", "Basis", "Labels", "Saturation", "WingRockMeasurement"),
     *("noise_at", "scaled"),  # tensor maths inside the rollout
 }

@@ -103,6 +103,14 @@ HELP = {
         {"one": "problems=[rohrs]", "more": "train=32 iterations=200", "less": "effort_limit=0.9"},
         choices=lambda: {"problems": TUNED_PROBLEMS},
     ),
+    "returning": Help(
+        "Regimes of wing rock that return: plain law, concurrent learning and the paper's memory.",
+        {
+            "fewer": "variants=[plain,memory_5]",
+            "one more": "\"ways.mine.overrides=['memory.n_slots=9']\" 'variants=[plain,mine]'",
+            "longer": "visits=8 visit_length=20",
+        },
+    ),
 }
 
 

@@ -15,6 +15,7 @@ from ..settings.config import ReproduceConfig, SimulateConfig
 from ..settings.ensemble_config import EnsembleConfig
 from ..settings.memory_config import OnlineRegressionConfig, RecallConfig
 from ..settings.problem_tuning_config import ProblemTuningConfig
+from ..settings.returning_config import ReturningConfig
 from ..settings.study_config import GradientReportConfig, TuneConfig
 from .help_texts import help_text
 
@@ -69,4 +70,5 @@ def register() -> None:
     store.store(name="base_tune", node=TuneConfig)
     store.store(name="base_benchmarks", node=BenchmarksConfig)
     store.store(name="base_tune_problems", node=ProblemTuningConfig)
+    store.store(name="base_returning", node=ReturningConfig)
     store.store(name="base_gradient_report", node=GradientReportConfig)

@@ -27,7 +27,7 @@ KEPT = Recording(motion_dt=1e9, sample_dt=0.02)
 
 def problem(cfg: ProblemTuningConfig) -> TunedProblem:
     """The published modifications, and both together, tuned from where both act."""
-    made = build(composed(("problem=rohrs_sigma", "law.projection.bound=10")))
+    made = build(composed(("problem=rohrs_sigma", "law.projection.bound=10", "solver.dt=2e-3")))
     both: Known = {"sigma": [0.2, 0.2], "bound": 2.0}
     published: Known = {"sigma": [0.2, 0.0], "bound": FREE}
     return TunedProblem(

@@ -105,10 +105,9 @@ def markdown(problem: str, rows: Sequence[Row]) -> str:
 
 def csv_rows(rows: Sequence[Row]) -> list[list[object]]:
     """All of it as CSV."""
-    head = ["problem", *HEAD, "note"]
-    return [
-        head,
-        *(
+    found: list[list[object]] = [["problem", *HEAD, "note"]]
+    for row in rows:
+        found.append(
             [
                 row.problem,
                 row.case,
@@ -122,9 +121,8 @@ def csv_rows(rows: Sequence[Row]) -> list[list[object]]:
                 row.verdict,
                 row.note,
             ]
-            for row in rows
-        ),
-    ]
+        )
+    return found
 
 
 def _number(value: float) -> str:

@@ -136,4 +136,5 @@ READERS: dict[str, Callable[[Mapping[str, Any]], Measured]] = {
     "recall": _learning,
     "online_regression": _learning,
     "tune_problems": _learning,
+    "returning": _learning,
 }

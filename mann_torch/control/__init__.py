@@ -4,7 +4,7 @@ from ..registry import Registry
 from .boundary_layer import BoundaryLayer
 from .computed_torque import ComputedTorque
 from .controller import Controller
-from .estimator import Estimates, Estimator
+from .estimator import Estimator
 from .features import (
     BASES,
     NETWORKS,
@@ -63,7 +63,14 @@ from .meta_adaptive import MetaAdaptive
 from .mrac import InputOutputFilters, Mrac, OutputMrac
 from .pid import Pid
 from .robust import RobustGain
-from .saturation import SATURATIONS, AugmentedError, Hedging, MuModification, Saturation
+from .saturation import (
+    SATURATIONS,
+    AugmentedError,
+    Hedging,
+    KnownLimits,
+    MuModification,
+    Saturation,
+)
 from .slotine_li import SlotineLi
 from .tracking import FilteredTracking
 
@@ -111,7 +118,6 @@ __all__ = [
     "Drive",
     "EModification",
     "ErrorsAndReference",
-    "Estimates",
     "Estimator",
     "FeatureNetwork",
     "FilteredLabels",
@@ -127,6 +133,7 @@ __all__ = [
     "InputOutputFilters",
     "IntegralAction",
     "Joined",
+    "KnownLimits",
     "L1Adaptive",
     "Labels",
     "Law",

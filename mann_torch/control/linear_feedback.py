@@ -10,9 +10,10 @@ from torch import Tensor
 
 from ..constraints import FiniteRow
 from ..errors import ShapeError
-from ..functional import Numbers, as_float64, times_column
+from ..functional import Numbers, times_column
 from ..types import ControllerTree, ControlOutput, InputGains, Mode, ReferenceSample
 from .controller import Controller
+from .matrices import MatrixConstants
 
 
 class FeedbackSignals(NamedTuple):
@@ -22,7 +23,7 @@ class FeedbackSignals(NamedTuple):
     feedforward: Tensor  # (..., m) feedforward r
 
 
-class LinearFeedback(Controller):
+class LinearFeedback(MatrixConstants, Controller):
     """u = offset + feedforward r - feedback y: m inputs from p references and Y measured numbers.
 
     `feedback` is (m, Y), over the fields of the measurement in order, `feedforward` (m, p), 0 if
@@ -37,20 +38,11 @@ class LinearFeedback(Controller):
         offset: Numbers = 0.0,
     ) -> None:
         super().__init__()
-        K = as_float64(feedback, "feedback")
-        if K.dim() != 2:
-            raise ShapeError(f"feedback of shape {tuple(K.shape)}: give a row (Y,) an input")
-        self.n_inputs, self.n_measured = K.shape
-        L = None if feedforward is None else as_float64(feedforward, "feedforward")
-        if L is not None and (L.dim() != 2 or len(L) != self.n_inputs):
-            raise ShapeError(f"feedforward of shape {tuple(L.shape)}: give a row (p,) an input")
-        self.n_outputs = None if L is None else L.shape[-1]
-        self.feedback: Tensor
-        self.feedforward: Tensor
         self.offset: Tensor
-        self.declare("feedback", K.reshape(-1), FiniteRow(), (K.numel(),))
-        if L is not None:
-            self.declare("feedforward", L.reshape(-1), FiniteRow(), (L.numel(),))
+        self.n_inputs, self.n_measured = self.declare_matrix("feedback", feedback)
+        self.n_outputs: int | None = None
+        if feedforward is not None:
+            _, self.n_outputs = self.declare_matrix("feedforward", feedforward, self.n_inputs)
         self.declare("offset", offset, FiniteRow(), (self.n_inputs,))
 
     def check_fit(self, n_inputs: int, n_outputs: int) -> None:
@@ -80,21 +72,19 @@ class LinearFeedback(Controller):
     ) -> ControlOutput:
         """u (..., m)."""
         y = torch.cat(list(measurement), dim=-1)
-        back = times_column(self.feedback.unflatten(-1, (self.n_inputs, -1)), y)
+        back = times_column(self.matrix("feedback"), y)
         ahead = torch.zeros_like(back)
         if self.n_outputs is not None:
-            ahead = times_column(
-                self.feedforward.unflatten(-1, (self.n_inputs, -1)), reference.value
-            )
+            ahead = times_column(self.matrix("feedforward"), reference.value)
         return ControlOutput(self.offset + ahead - back, None, FeedbackSignals(back, ahead))
 
     def input_gains(
         self, reference: ReferenceSample, output: ControlOutput, state: ControllerTree
     ) -> InputGains:
         """K, and what the reference's motion does."""
-        K = self.feedback.unflatten(-1, (self.n_inputs, -1))
+        K = self.matrix("feedback")
         drift = torch.zeros_like(output.input)
         if self.n_outputs is not None and reference.rate is not None:
-            L = self.feedforward.unflatten(-1, (self.n_inputs, -1))
+            L = self.matrix("feedforward")
             drift = drift + times_column(L, reference.rate)
         return InputGains(K.expand(*output.input.shape, self.n_measured), drift)

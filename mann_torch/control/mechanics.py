@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol, runtime_checkable
 
 import torch
@@ -11,6 +12,7 @@ from ..checks import instance
 from ..constraints import DesignModule
 from ..errors import ConfigError, ShapeError
 from ..functional import as_float64, solve_small, times_column
+from ..trees import leaves
 
 
 @runtime_checkable
@@ -50,12 +52,18 @@ class NominalMechanics(DesignModule):
         self.mechanics = instance("mechanics", mechanics, Mechanics)
         self.n_joints = mechanics.n_joints
         fields = getattr(instance("parameters", parameters, tuple), "_fields", ())
-        self._kind, self._names = type(parameters), [f"nominal_{name}" for name in fields]
-        for name, row in zip(self._names, parameters, strict=True):
-            self.register_buffer(name, as_float64(row, name).detach().clone())
+        for name, row in zip(fields, parameters, strict=True):
+            as_float64(instance(name, row, Tensor), name)
         check = getattr(mechanics, "check", None)
         if check is not None:
             check(parameters)
+        # Found once: which terms there are may be decided by the numbers.
+        known = mechanics.coefficients(parameters)
+        self._names = [f"nominal_{n}" for n in range(len(leaves(known)))]
+        named = iter(self._names)
+        self._form = _mapped(lambda leaf: next(named), known, Tensor)
+        for name, leaf in zip(self._names, leaves(known), strict=True):
+            self.register_buffer(name, leaf.detach().clone())
         B = mechanics.input_matrix(torch.zeros(self.n_joints).double(), self.coefficients())
         if B is not None and B.shape[-2] != B.shape[-1]:
             raise ShapeError(
@@ -65,7 +73,7 @@ class NominalMechanics(DesignModule):
 
     def coefficients(self) -> Any:
         """Of the parameters."""
-        return self.mechanics.coefficients(self._kind(*(getattr(self, n) for n in self._names)))
+        return _mapped(lambda name: getattr(self, name), self._form, str)
 
     def force(self, q: Tensor, qd: Tensor, v: Tensor, a: Tensor) -> Tensor:
         """M(q) a + C(q, qd) v + N(q, qd) (..., n)."""
@@ -82,6 +90,13 @@ class NominalMechanics(DesignModule):
         """B^-1 of forces or of columns of them, (..., n, k) -> (..., n, k)."""
         B = self.mechanics.input_matrix(q, self.coefficients())
         return force if B is None else solve_small(B, force)
+
+
+def _mapped(function: Callable[[Any], Any], tree: Any, kind: type) -> Any:
+    """A tree like this one, with its leaves of a kind changed; None is an empty branch."""
+    if tree is None or isinstance(tree, kind):
+        return None if tree is None else function(tree)
+    return type(tree)(*(_mapped(function, branch, kind) for branch in tree))
 
 
 def parameter_count(mechanics: Mechanics) -> int:

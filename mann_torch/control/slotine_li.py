@@ -71,7 +71,7 @@ class SlotineLi(Controller):
         self.mechanics = instance("mechanics", mechanics, Mechanics)
         self.n_joints, self.n_parameters = mechanics.n_joints, parameter_count(mechanics)
         self.law = instance("law", AdaptiveLaw() if law is None else law, Law)
-        check_needs(self.law, {"error_norm"})
+        check_needs(self.law, {"error_norm"}, self.n_joints)
         self.tracking = FilteredTracking(self.n_joints, error_gain)
         self.pushing = ErrorFeedback(self.n_joints, feedback, robust, integral)
         k = self.n_parameters

@@ -33,19 +33,24 @@ class Driven(NamedTuple):
 def check_law(law: Law) -> None:
     """Raise `InterfaceError` where a law breaks a line of its contract, which it names.
 
-    Tried on 4 features and 3 outputs, from its state at t = 0 on. Raises `KindError` for what is
-    no `Law`.
+    Tried on 4 features and 3 outputs, from its state at t = 0 on, and on a regressor of 2 columns
+    for one output, or of those that it says. Raises `KindError` for what is no `Law`.
     """
     instance("law", law, Law)
     check_held(law, 3)
-    given = _drawn(law, OUTPUTS)
+    for outputs, rows in ((OUTPUTS, law.rows or 1), (1, law.rows or 2)):
+        _check_driven(law, _drawn(law, outputs, rows), outputs)
+
+
+def _check_driven(law: Law, given: Driven, outputs: int) -> None:
     for kind, tree, start in (("state", given.state, law.initial_state),
                               ("mode", given.mode, law.initial_mode)):  # fmt: skip
-        _check_start(law, kind, tree, start)
+        _check_start(law, kind, tree, partial(start, FEATURES, outputs))
     _check_forms(law, given)
     _check_jump(law, given)
     _check_still(law, given)
-    _check_columns(law, given)
+    if outputs > 1:
+        _check_columns(law, given)
     moved = _moved(law, given)
     _check_forms(law, moved)
     _check_jump(law, moved)
@@ -61,7 +66,7 @@ def _rates(law: Law, given: Driven) -> Any:
     return law(*given)
 
 
-def _drawn(law: Law, outputs: int) -> Driven:
+def _drawn(law: Law, outputs: int, r: int) -> Driven:
     """An error and all else that the law needs, of which each column has its own."""
     generator = torch.Generator().manual_seed(0)
 
@@ -72,10 +77,10 @@ def _drawn(law: Law, outputs: int) -> Driven:
         return rows[..., : shape[-1]] if shape else rows
 
     def features() -> Tensor:
-        return torch.randn(SAMPLES, FEATURES, 1, generator=generator, dtype=torch.float64)
+        return torch.randn(SAMPLES, FEATURES, r, generator=generator, dtype=torch.float64)
 
-    phi, error, theta = features(), draw(1, outputs), draw(FEATURES, outputs)
-    norm, excess, pair = draw().abs(), draw(outputs), Pair(features(), draw(1, outputs))
+    phi, error, theta = features(), draw(r, outputs), draw(FEATURES, outputs)
+    norm, excess, pair = draw().abs(), draw(outputs), Pair(features(), draw(r, outputs))
     drive = Drive(
         phi,
         error,
@@ -95,7 +100,7 @@ def _check_start(law: Law, kind: str, given: Any, make: Callable[..., Any]) -> N
     if not is_tree(given):
         raise broken(law, 2, f"{name} gives no NamedTuple of tensors", "or None, for none")
     for batch in ((SAMPLES,), (2, 3), ()):
-        start = partial(make, FEATURES, OUTPUTS, batch)
+        start = partial(make, batch)
         state = called(law, 2, f"{name} for a batch {batch}", start)
         wanted = map_tensors(lambda x, b=batch: x[0].expand((*b, *x.shape[1:])), given)
         told = difference(state, wanted)
@@ -176,7 +181,9 @@ def _check_columns(law: Law, given: Driven) -> None:
             excess=None if drive.excess is None else drive.excess[..., column],
             pair=None if pair is None else pair._replace(label=pair.label[..., column]),
         )
-        own = _drawn(law, 1)._replace(drive=drive, estimate=given.estimate[..., column])
+        own = _drawn(law, 1, drive.error.shape[-2])._replace(
+            drive=drive, estimate=given.estimate[..., column]
+        )
         what = "forward of one output alone"
         alone = called(law, 1, what, partial(_moved, law, own)).estimate
         if apart([alone], [together[..., column]]) > ROUNDING:

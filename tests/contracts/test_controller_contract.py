@@ -34,6 +34,18 @@ def of_mrac(**parts: Any) -> control.Mrac:
     )
 
 
+ARM, SLOTINE_LI = plants.TwoLinkArm(), plants.SlotineLiArm()
+EXTRAS = {"robust": control.BoundaryLayer(0.5, 0.2), "integral": control.IntegralAction(0.3)}
+
+
+def meta_adaptive(attention: Any = None, nominal: bool = False, **parts: Any) -> Any:
+    """Of layers on what two joints measure, with a memory of two slots."""
+    network = control.LinearNetwork(control.Layers.random(4, 6), 2)
+    memory = None if attention is None else mt.WorkingMemory(2, 6, attention)
+    known = {"mechanics": ARM, "parameters": ARM.parameters_of()} if nominal else {}
+    return control.MetaAdaptive(network, memory=memory, **known, **parts)
+
+
 #: A new controller is one line here.
 CONTROLLERS_TO_CHECK: dict[str, Callable[[], control.Controller]] = {
     **{f"mann, {name}": of_paper(name) for name in CONTROLLERS},
@@ -54,9 +66,35 @@ CONTROLLERS_TO_CHECK: dict[str, Callable[[], control.Controller]] = {
         labels=control.FilteredLabels([[0.0, 1.0], [0.0, 0.0]], INPUT, 5.0),
     ),
     "mrac, hedged": lambda: of_mrac(saturation=control.Hedging(MODEL, INPUT, 0.5)),
+    "mrac, known limits": lambda: of_mrac(saturation=control.KnownLimits(0.5)),
     "mrac, augmented error": lambda: of_mrac(saturation=control.AugmentedError(MODEL, INPUT, 0.5)),
     "mrac, with a memory": lambda: of_mrac(memory=mt.WorkingMemory(2, 3, mt.HardAttention())),
+    "estimator": control.Estimator,
+    "estimator, of pairs": lambda: control.Estimator(
+        control.AdaptiveLaw(control.LeastSquares(2.0), control.ConcurrentLearning(0.3, 2, 0.02))
+    ),
+    "estimator, drem": lambda: control.Estimator(control.Drem(2.0, 0.95), start=0.5),
     "output_mrac": lambda: control.OutputMrac([1.0, 2.0]),
+    "pid": lambda: control.Pid(2, 20.0, 5.0, 3.0, 0.1),
+    "pid, filtered": lambda: control.Pid(1, 3.0, 1.0, 0.5, filter_rate=20.0, limit=0.8),
+    "pid, of the output": lambda: control.Pid(2, 20.0, 5.0, 3.0, derivative_of="output"),
+    "computed_torque": lambda: control.ComputedTorque(ARM, ARM.parameters_of()),
+    "computed_torque, of parts": lambda: control.ComputedTorque(
+        ARM, ARM.parameters_of(), [20.0, 30.0], **EXTRAS
+    ),
+    "slotine_li": lambda: control.SlotineLi(SLOTINE_LI),
+    "slotine_li, of parts": lambda: control.SlotineLi(
+        SLOTINE_LI,
+        control.AdaptiveLaw(control.SigmaModification(0.1), control.Projection(5.0)),
+        start=[3.0, 1.0, 1.0, 0.5],
+        **EXTRAS,
+    ),
+    "meta_adaptive": meta_adaptive,
+    "meta_adaptive, nominal": lambda: meta_adaptive(nominal=True, drive_gain=[2.0, 3.0], **EXTRAS),
+    "meta_adaptive, hard": lambda: meta_adaptive(mt.HardAttention(), nominal=True),
+    "meta_adaptive, reallocating": lambda: meta_adaptive(mt.ReallocatingAttention()),
+    "l1": lambda: control.L1Adaptive(MODEL, INPUT),
+    "l1, piecewise constant": lambda: control.L1Adaptive(MODEL, INPUT, period=0.01),
     "output_mrac, without filters": lambda: control.OutputMrac(robust=control.BoundaryLayer()),
 }
 

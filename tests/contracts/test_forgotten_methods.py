@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mann_torch import control, memory, parts, plants, signals, simulation
+from mann_torch.control.l1 import L1Adaptation
 from mann_torch.domains import Domain
 from mann_torch.errors import InterfaceError
 from mann_torch.interface import Interface
@@ -17,7 +18,11 @@ INTERFACES: dict[type, tuple[str, str]] = {
     control.Controller: ("forward", r"Input \(\.\.\., m\)"),
     control.Law: ("forward", "d theta/dt"),
     control.FeatureNetwork: ("features", "Features sigma"),
+    control.Basis: ("forward", "phi"),
+    control.Labels: ("pair", "The regression"),
+    control.Saturation: ("rates", "d state/dt"),
     control.NetworkInputs: ("forward", "x~"),
+    L1Adaptation: ("rates", "Time derivative"),
     memory.Attention: ("decide_shift", "reset a slot"),
     memory.KeyRule: ("fresh_keys", "written anew"),
     parts.ReferenceModel: ("rates", "Time derivative"),

@@ -12,18 +12,30 @@ from torch import Tensor
 import mann_torch as mt
 from mann_torch.constraints import Positive
 from mann_torch.control import (
+    LAW_PARTS,
+    LAWS,
     AdaptiveLaw,
+    BoxProjection,
+    Composite,
+    ConcurrentLearning,
     ConstantGain,
+    DeadZone,
+    Drem,
     Drive,
     EModification,
+    FreezeWhileSaturated,
     Law,
+    LeastSquares,
+    Normalisation,
     Projection,
     SigmaModification,
+    SwitchingSigma,
 )
 from mann_torch.errors import InterfaceError
 from mann_torch.functional import outer, per_matrix, times_column
 from mann_torch.testing import check_law
 
+FOUR = [0.3, 0.0, 1.0, 2.0]
 #: A new mechanism is a line here.
 LAWS_TO_CHECK: dict[str, Callable[[], Law]] = {
     "gradient": lambda: AdaptiveLaw(ConstantGain(2.0)),
@@ -35,7 +47,43 @@ LAWS_TO_CHECK: dict[str, Callable[[], Law]] = {
     "e-modification": lambda: AdaptiveLaw(EModification(0.3)),
     "sigma": lambda: AdaptiveLaw(SigmaModification(0.3)),
     "sigma, a row": lambda: AdaptiveLaw(SigmaModification([0.3, 0.0, 1.0, 2.0])),
+    "box": lambda: AdaptiveLaw(ConstantGain([5.0, 1.0, 0.0, 2.0]), BoxProjection(0.5, 0.1)),
     "projection": lambda: AdaptiveLaw(ConstantGain(5.0), Projection(2.0, 0.1)),
+    "switching sigma": lambda: AdaptiveLaw(SwitchingSigma(0.3, 1.5)),
+    "switching sigma, a row": lambda: AdaptiveLaw(SwitchingSigma(FOUR, 1.5)),
+    "least squares": lambda: AdaptiveLaw(LeastSquares(2.0)),
+    "least squares, bounded": lambda: AdaptiveLaw(
+        LeastSquares(FOUR, 0.3, gain_normalisation=0.1, gain_bound=10.0)
+    ),
+    "least squares, reset": lambda: AdaptiveLaw(LeastSquares(2.0, reset_at=1.9)),
+    "least squares, a matrix": lambda: AdaptiveLaw(
+        LeastSquares((torch.eye(4) + 0.3).double(), 0.5), SigmaModification(0.1)
+    ),
+    "composite": lambda: AdaptiveLaw(ConstantGain(2.0), Composite(0.3)),
+    "composite, a row": lambda: AdaptiveLaw(ConstantGain(2.0), Composite([0.3, 0.5])),
+    "composite least squares": lambda: AdaptiveLaw(LeastSquares(2.0), Composite(0.3)),
+    "concurrent learning": lambda: AdaptiveLaw(ConcurrentLearning(0.3, 2, 0.02)),
+    "concurrent learning, at once": lambda: AdaptiveLaw(
+        ConcurrentLearning(0.3, 3, 0.04, first=0.0), SigmaModification(0.1)
+    ),
+    "concurrent learning, a cycle": lambda: AdaptiveLaw(
+        ConcurrentLearning(0.3, 2, 0.02, keeps="cycle", rows=2)
+    ),
+    "concurrent learning, frozen": lambda: AdaptiveLaw(
+        ConcurrentLearning(0.3, points=[FOUR, [0.0, 1.0, 0.0, 1.0]], labels=[[1.0], [2.0]])
+    ),
+    "dead zone": lambda: AdaptiveLaw(DeadZone(0.4)),
+    "normalisation": lambda: AdaptiveLaw(Normalisation(0.4)),
+    "normalisation, a row": lambda: AdaptiveLaw(Normalisation(FOUR)),
+    "freeze while saturated": lambda: AdaptiveLaw(FreezeWhileSaturated()),
+    "drem": lambda: Drem(2.0, 0.95),
+    "drem, a row": lambda: Drem(FOUR, 0.95),
+    "all together": lambda: AdaptiveLaw(
+        LeastSquares(2.0, 0.3, gain_bound=9.0),
+        *(SigmaModification(0.1), EModification(0.1), SwitchingSigma(0.2, 1.5)),
+        *(Composite(0.3), ConcurrentLearning(0.2, 2, 0.04), DeadZone(0.1), Normalisation(0.1)),
+        Projection(3.0, 0.1),
+    ),
 }
 
 
@@ -44,12 +92,21 @@ def test_a_law_of_the_library_keeps_its_contract(name: str) -> None:
     check_law(LAWS_TO_CHECK[name]())
 
 
+def test_the_list_has_every_law_and_mechanism_there_is() -> None:
+    laws = [make() for make in LAWS_TO_CHECK.values()]
+    assert {type(law) for law in laws} == set(LAWS.values())
+    parts = {type(part) for law in laws if isinstance(law, AdaptiveLaw) for part in law.parts}
+    assert parts == set(LAW_PARTS.values())
+
+
 class Gain(NamedTuple):
     P: Tensor  # (..., N, N)
 
 
 class Good(Law):
     """Least squares: d theta = g P phi s', dP = -g P phi phi' P. What the others break."""
+
+    rows = 1
 
     def __init__(self) -> None:
         super().__init__()

@@ -23,6 +23,7 @@ from mann_torch.plants import (
     Pendulum,
     PlanarQuadrotor,
     Plant,
+    Regression,
     RohrsPlant,
     SlotineLiArm,
     TwoLinkArm,
@@ -48,6 +49,7 @@ PLANTS_TO_CHECK: dict[str, Callable[[], Plant]] = {
     "planar_quadrotor": PlanarQuadrotor,
     "linear": lambda: LinearPlant(*TWO_BY_TWO),
     "linear, state seen": lambda: LinearPlant(*TWO_BY_TWO, measured="state"),
+    "regression": Regression,
     "rohrs": RohrsPlant,
     "rohrs, slow": lambda: RohrsPlant(fast_poles=False),
     "cart_pole": CartPole,
@@ -70,6 +72,7 @@ OTHER_PARAMETERS: dict[str, dict[str, Any]] = {
     "flexible_joint_arm": {"viscous": [0.3, 0.2], "motor_friction": [0.5, 0.4]},
     "wing_rock": {"weights": ELZEBDA},
     "cart_pole": {"inertia": [0.1], "cart_friction": [0.2], "pole_friction": [0.1]},
+    "regression": {"theta": [-1.0, 0.5], "frequency": [2.0], "decay": [0.3]},
     "pendulum": {"inertia": [0.1], "viscous": [0.2], "coulomb": [0.3]},
 }
 

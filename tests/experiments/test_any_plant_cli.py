@@ -21,6 +21,7 @@ PENDULUM = ("plant=pendulum", "scenario=plain")
 FEEDBACK = {
     "wing_rock": "controller.feedback=[[4,4]]",
     "linear": "controller.feedback=[[4]]",
+    "regression": "controller.feedback=[[0,0,-1,0]] controller.feedforward=null",
     "rohrs": "controller.feedback=[[1]]",
     "cart_pole": "controller.feedback=[[-1,-30,-2,-8]] controller.feedforward=null",
     "planar_quadrotor": "controller.feedback=[[0,4,0,0,4,0],[0,0,9,0,0,6],[4,0,0,4,0,0]] "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tests.public_calls import (
     of_control,
+    of_laws,
     of_loop,
     of_memory,
     of_mrac,
@@ -11,6 +12,7 @@ from tests.public_calls import (
     of_plants,
     of_signals,
     of_simulation,
+    of_tracking,
     of_tuning,
 )
 from tests.public_calls.things import Call
@@ -18,6 +20,7 @@ from tests.public_calls.things import Call
 #: What can be called with arguments, by its public name.
 CALLS: dict[str, Call] = {
     **of_control.CALLS,
+    **of_laws.CALLS,
     **of_loop.CALLS,
     **of_memory.CALLS,
     **of_mrac.CALLS,
@@ -25,5 +28,6 @@ CALLS: dict[str, Call] = {
     **of_plants.CALLS,
     **of_signals.CALLS,
     **of_simulation.CALLS,
+    **of_tracking.CALLS,
     **of_tuning.CALLS,
 }

@@ -38,10 +38,11 @@ CALLS: dict[str, Call] = {
     ),
     "InputOutputFilters": (control.InputOutputFilters, {"filter_rates": [1.0, 2.0]}),
     "AugmentedError": (control.AugmentedError, {**LIMITED, "deficit_rate": 1.0, "start": 0.5}),
+    "KnownLimits": (control.KnownLimits, {"input_limit": 2.0}),
     "Hedging": (control.Hedging, LIMITED),
     "MuModification": (
         control.MuModification,
-        {**LIMITED, "mu": 1.0, "margin": 0.1, "deficit_rate": 1.0, "start": 0.5},
+        {**LIMITED, "mu": 1.0, "limit_margin": 0.1, "deficit_rate": 1.0, "start": 0.5},
     ),
     "FilteredLabels": (control.FilteredLabels, {"A": MODEL, "B": INPUT, "label_rate": 5.0}),
     "MeasuredLabels": (control.MeasuredLabels, {"field": "moment"}),

@@ -51,6 +51,11 @@ class AdaptiveLaw(Law):
             if len(found) > 1:
                 told = " and ".join(type(part).__name__ for part in found)
                 raise ConfigError(f"parts hold {told}: a law has one {what}, the last word is one")
+        told_rows = sorted({part.rows for part in parts if part.rows is not None})
+        if len(told_rows) > 1:
+            raise ConfigError(
+                f"parts take regressors (N, r) of r = {told_rows}: all must take the same"
+            )
         self.gain: Gain = gains[0] if gains else ConstantGain()
         self.guard: Guard | None = guards[0] if guards else None
         self.gates = nn.ModuleList(_of_kind(parts, Gate))
@@ -79,6 +84,11 @@ class AdaptiveLaw(Law):
     def needs(self) -> frozenset[str]:
         """What its mechanisms need together."""
         return frozenset().union(*(part.needs for part in self.parts))
+
+    @property
+    def rows(self) -> int | None:
+        """What its mechanisms agree on."""
+        return next((part.rows for part in self.parts if part.rows is not None), None)
 
     @property
     def periods(self) -> tuple[float, ...]:

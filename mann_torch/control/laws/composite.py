@@ -30,6 +30,11 @@ class Composite(Term):
         """The pair."""
         return frozenset({"pair"})
 
+    @property
+    def rows(self) -> int | None:
+        """Of a row R."""
+        return self.composite_gain.shape[-1] if self.domain("composite_gain").event_dims else None
+
     def forward(self, drive: Drive, estimate: Tensor, state: Any, mode: Any) -> tuple[Tensor, Any]:
         """Phi_f R (y_f - Phi_f' theta) (..., N, m)."""
         pair = measured(drive)

@@ -63,7 +63,7 @@ class ConcurrentLearning(Term):
         super().__init__()
         self.learning_gain: Tensor
         self.declare_rows("learning_gain", learning_gain)
-        self.size, self.rows = whole("size", size), whole("rows", rows)
+        self.size, self._rows = whole("size", size), whole("rows", rows)
         self.period = number("period", period, POSITIVE)
         self.first = self.period if first is None else number("first", first, NONNEGATIVE)
         if abs(self.first / self.period - round(self.first / self.period)) > TIE:
@@ -90,6 +90,11 @@ class ConcurrentLearning(Term):
         return True
 
     @property
+    def rows(self) -> int | None:
+        """Of a pair, where it records."""
+        return self._rows if self.points is None else None
+
+    @property
     def periods(self) -> tuple[float, ...]:
         """Of recording."""
         return (self.period,) if self.points is None else ()
@@ -107,8 +112,8 @@ class ConcurrentLearning(Term):
             return None
         stack = (*batch_shape, self.size)
         return Stack(
-            torch.zeros(*stack, n_features, self.rows, dtype=torch.float64),
-            torch.zeros(*stack, self.rows, n_outputs, dtype=torch.float64),
+            torch.zeros(*stack, n_features, self._rows, dtype=torch.float64),
+            torch.zeros(*stack, self._rows, n_outputs, dtype=torch.float64),
             started(batch_shape)[1],
         )
 

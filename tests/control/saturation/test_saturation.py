@@ -14,7 +14,7 @@ A, B, LIMIT = [[-1.0, 0.5], [0.0, -2.0]], [[1.0, 0.0], [0.5, 1.0]], [1.0, 2.0]
 
 def test_mu_modification_solves_its_equation() -> None:
     """u_c = u + mu (L sat(u_c / L) - u_c): Lavretsky and Hovakimyan's own form is implicit."""
-    part = control.MuModification(A, B, LIMIT, mu=3.0, margin=0.25)
+    part = control.MuModification(A, B, LIMIT, mu=3.0, limit_margin=0.25)
     wanted = 3.0 * randn(200, 2)
     asked = part.command(wanted)
     inner = torch.tensor(LIMIT, dtype=torch.float64) - 0.25
@@ -24,7 +24,7 @@ def test_mu_modification_solves_its_equation() -> None:
 
 
 def test_its_slope_is_the_derivative() -> None:
-    part = control.MuModification(A, B, LIMIT, mu=3.0, margin=0.25)
+    part = control.MuModification(A, B, LIMIT, mu=3.0, limit_margin=0.25)
     wanted = (3.0 * randn(50, 2)).requires_grad_()
     (slope,) = torch.autograd.grad(part.command(wanted).sum(), wanted)
     torch.testing.assert_close(slope, part.slope(wanted), rtol=0, atol=0)
@@ -32,7 +32,7 @@ def test_its_slope_is_the_derivative() -> None:
 
 def test_without_mu_it_is_the_augmented_error_bit_for_bit() -> None:
     plain = control.AugmentedError(A, B, LIMIT, deficit_rate=0.7)
-    other = control.MuModification(A, B, LIMIT, mu=0.0, margin=0.25, deficit_rate=0.7)
+    other = control.MuModification(A, B, LIMIT, mu=0.0, limit_margin=0.25, deficit_rate=0.7)
     wanted = 3.0 * randn(50, 2)
     assert torch.equal(other.command(wanted), wanted)
     assert torch.equal(other.excess(wanted), plain.excess(wanted))
@@ -59,8 +59,8 @@ def test_a_known_effect_is_a_learned_one_that_is_right() -> None:
 
 
 def test_what_is_impossible_is_named() -> None:
-    with pytest.raises(DomainError, match="the margin must be less than each limit"):
-        control.MuModification(A, B, LIMIT, margin=1.0)
+    with pytest.raises(DomainError, match="the margin must be less than"):
+        control.MuModification(A, B, LIMIT, limit_margin=1.0)
     with pytest.raises(DomainError, match="input_limit"):
         control.Hedging(A, B, [1.0, 0.0])
     with pytest.raises(ShapeError, match=r"A of shape \(2, 1\): give a matrix"):

@@ -1,0 +1,1 @@
+"""Regimes of a plant that return: what a memory is worth there."""
