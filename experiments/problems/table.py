@@ -37,6 +37,11 @@ class Row:
         gap = self.ours - self.known
         return gap / abs(self.known) if self.known else gap
 
+    @property
+    def margin(self) -> float:
+        """How far ours is in parts of what is allowed; NaN of a bound, and where nothing is run."""
+        return abs(self.ours - self.known) / self.within if self.within else float("nan")
+
 
 def rows_of(results: Mapping[tuple[str, str], CaseResult]) -> list[Row]:
     """Of all cases, in order."""
