@@ -22,6 +22,13 @@ PARTS = {
     "known limits": lambda limit: control.KnownLimits(limit),
     "mu-modification": lambda limit: control.MuModification(MODEL, INPUT, limit, 2.0, 1.0),
 }
+PROTECTED = [name for name in PARTS if name != "unprotected"]
+
+
+def each_of(*names: str) -> pytest.MarkDecorator:
+    """All of them; each is a loop to compile, so the last alone is quick."""
+    slow = [pytest.param(name, marks=pytest.mark.slow) for name in names[:-1]]
+    return pytest.mark.parametrize("name", [*slow, names[-1]])
 
 
 def limited(
@@ -75,7 +82,7 @@ def test_unprotected_they_wind_up() -> None:
     assert thetas == pytest.approx([-52.973, -62.471], abs=5.1e-4)
 
 
-@pytest.mark.parametrize("name", PARTS)
+@each_of("unprotected", *PROTECTED)
 def test_from_beyond_what_is_controllable_no_law_comes_back(name: str) -> None:
     """u = 10 to the end: x = -10 - 0.01 e^t, which is -100 at log(9000) = 9.105 s."""
     run = limited(name, start=-10.01, horizon=9.2)
@@ -85,7 +92,7 @@ def test_from_beyond_what_is_controllable_no_law_comes_back(name: str) -> None:
     torch.testing.assert_close(run.output[:, 0], closed, rtol=1e-9, atol=0)
 
 
-@pytest.mark.parametrize("name", [name for name in PARTS if name != "unprotected"])
+@each_of(*PROTECTED)
 def test_limits_that_are_never_met_change_nothing(name: str) -> None:
     """Bit for bit: what is known of the limits, not the limits, is what counts."""
     run, plain = limited(name, known_limit=1e6), limited("unprotected")
