@@ -14,6 +14,9 @@ from typing import Any, cast
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
 
+from mann_torch.checks import NONNEGATIVE, number
+from mann_torch.errors import ConfigError
+
 from .command.cli import command_line, reject_unknown, run_cli
 from .learning.report import conclude
 from .problem_tuning.judging import PROBLEMS, Found, judged_way, steps_of
@@ -44,6 +47,10 @@ def checked(cfg: Any) -> ProblemTuningConfig:
     check_between(plain, {"iterations": (1, 10_000), "seed": (0, 2**31)})
     for name in ("train_horizon", "rate", "effort_limit"):
         check_positive(name, getattr(plain, name))
+    if len(plain.noise) != 2:
+        raise ConfigError(f"noise = {plain.noise}: give two numbers, of positions and rates")
+    for value in plain.noise:
+        number("noise", value, NONNEGATIVE)
     check_workers(plain.workers)
     check_memory("train and held_out", _MEMBER * plain.workers * (8 * plain.train + plain.held_out))
     return plain

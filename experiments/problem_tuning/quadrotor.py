@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import cast
 
 import torch
 from torch import Tensor
 
-from mann_torch import PlantState, Scenario, Trajectory
+from mann_torch import MeasurementNoise, PlantState, Scenario, Trajectory
 from mann_torch.signals import Disturbance, Polynomial, Spline
 from mann_torch.tuning import Ensemble, Judged, Recording
 from mann_torch.types import ClockState
@@ -26,6 +26,8 @@ KNOTS, STEPS, PITCH = 6, (2.0, 2.0, math.pi / 6), 0.7 * math.pi / 3
 BEYOND = 0.2
 #: Winds [m/s] to learn from are uniform up to the first; those of the test 10 times Beta(5, 7).
 LEARNED, TESTED, SHAPE = 6.0, 10.0, (5, 7)
+#: Samples of noise a second: one a tick.
+RATE = 100.0
 GAINS = ("error_gain", "feedback", "drive_gain")
 FEATURES = ("layer_weight_1", "layer_bias_1", "layer_weight_2", "layer_bias_2")
 KEPT = Recording(motion_dt=1e9, sample_dt=0.01)
@@ -34,8 +36,8 @@ KEPT = Recording(motion_dt=1e9, sample_dt=0.01)
 def problem(cfg: ProblemTuningConfig) -> TunedProblem:
     """The authors' gains for problem 1 and their features, tuned gains, and both tuned."""
     made = build(composed(("problem=quadrotor_learned",)))
-    learned = splines(cfg.train, cfg.train_horizon, cfg.seed, light)
-    tested = splines(cfg.held_out, 10.0, cfg.seed + 1_000_000, beta)
+    learned = splines(cfg.train, cfg.train_horizon, cfg.seed, light, cfg.noise)
+    tested = splines(cfg.held_out, 10.0, cfg.seed + 1_000_000, beta, cfg.noise)
     return TunedProblem(
         title="quadrotor in wind, random splines",
         unit="m, rad and their rates",
@@ -68,7 +70,11 @@ def _held_input(run: Trajectory) -> Tensor:
 
 
 def splines(
-    count: int, horizon: float, seed: int, winds: Callable[[int, torch.Generator], Tensor]
+    count: int,
+    horizon: float,
+    seed: int,
+    winds: Callable[[int, torch.Generator], Tensor],
+    noise: Sequence[float],
 ) -> Scenario:
     """Random walks from knot to knot, smooth to the fourth derivative; each starts on its own."""
     generator = torch.Generator().manual_seed(seed)
@@ -85,7 +91,11 @@ def splines(
     value, rate = begin.upto(1)
     wind = Disturbance(plant=Polynomial(winds(count, generator).reshape(count, 1, 1)))
     scenario = Scenario(reference, plant.parameters_of(), horizon, start=PlantState(value, rate))
-    return dataclasses.replace(scenario, disturbance=wind)
+    seen = None
+    if any(noise):
+        seeds = torch.arange(count) + (seed << 20)
+        seen = MeasurementNoise(torch.tensor(noise).double().expand(count, -1), seeds, RATE)
+    return dataclasses.replace(scenario, disturbance=wind, noise=seen)
 
 
 def light(count: int, generator: torch.Generator) -> Tensor:

@@ -86,6 +86,7 @@ def pictures(tasks: Mapping[str, TunedProblem], found: Everything) -> dict[str, 
 
 def _picture(problem: str, task: TunedProblem, found: Everything) -> Figure:
     from matplotlib.figure import Figure
+    from matplotlib.ticker import NullFormatter
 
     figure = Figure(figsize=(11, 4.6), layout="constrained")
     left, right = figure.subplots(1, 2)
@@ -102,6 +103,7 @@ def _picture(problem: str, task: TunedProblem, found: Everything) -> Figure:
     left.set_ylabel("objective (where tuning began: 1)")
     right.set_xlabel(f"RMS error with {next(iter(task.ways))} constants [{task.unit}]")
     right.set_ylabel("RMS error of the same member")
+    right.xaxis.set_minor_formatter(NullFormatter())
     for ax in (left, right):
         ax.grid(alpha=0.3)
         ax.legend(fontsize="small")

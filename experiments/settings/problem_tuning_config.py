@@ -20,6 +20,7 @@ class ProblemTuningConfig:
     iterations: int = 80
     rate: float = 0.1  # of Adam, in coordinates
     effort_limit: float = 1.0  # RMS input, a multiple of the start's, member by member
+    noise: list[float] = field(default_factory=lambda: [0.0, 0.0])  # quadrotor: of q and qd
     workers: int = 2
     output: PicturesConfig = field(default_factory=PicturesConfig)
     seed: int = 0

@@ -12,10 +12,10 @@ from experiments.command.cli import compose_job
 
 COMMANDS = (
     *("simulate", "ensemble", "reproduce", "tune", "gradient_report", "recall"),
-    "online_regression",
+    *("online_regression", "tune_problems", "returning"),
 )
 #: How often each is asked: the quick ones more.
-SHARE = (6, 4, 2, 3, 4, 5, 5)
+SHARE = (6, 4, 2, 3, 4, 5, 5, 2, 2)
 #: Numbers that may be anything finite, or that nothing computes with.
 _ANY_SIGN = (
     *("amplitude", "frequency", "offset", "q", "qd", "paper", "paper_reduction", "phase"),
@@ -197,6 +197,22 @@ TOGETHER = {
         ("visit_length=1e12",),
         ("n_hidden=10000", "n_slots=10000", "seeds=10000"),
         ("window=20",),
+    ),
+    "tune_problems": (
+        ("problems=[rohrs,rohrs]",),
+        ("problems=[arm]",),
+        ("noise=[0.1]",),
+        ("held_out=10000", "train=1000", "workers=64"),
+    ),
+    "returning": (
+        ("variants=[plain,nobody]",),
+        ("spread=[1]",),
+        ("noise=[0.1]",),
+        ("window=20",),
+        ("shared=['problem=scalar_mrac']",),
+        ("ways.plain.overrides=['foo=1']",),
+        ("ways.plain.tuned=[foo]",),
+        ("visit_length=1e12",),
     ),
 }
 

@@ -47,6 +47,14 @@ OTHERS = {
         *("online_regression", "variants=[network,soft]", "rates=[1]", "visits=2", "seeds=2"),
         *("n_functions=2", "visit_length=2", "dt=0.05", "window=0.5", "workers=1"),
     ],
+    "tune_problems": [
+        *("tune_problems", "problems=[rohrs]", "train=2", "held_out=4", "iterations=6"),
+        "workers=1",
+    ],
+    "returning": [
+        *("returning", "variants=[plain,memory_1]", "visits=2", "visit_length=2", "window=1"),
+        *("draws=2", "workers=1"),
+    ],
 }
 
 

@@ -23,6 +23,14 @@ SHORT = {
         *("variants=[network]", "rates=[1]", "visits=2", "n_functions=2", "seeds=2", "workers=1"),
         *("visit_length=2", "dt=0.05", "window=0.5"),
     ],
+    "tune_problems": [
+        *("problems=[rohrs]", "train=2", "train_horizon=0.5", "held_out=4", "iterations=2"),
+        "workers=1",
+    ],
+    "returning": [
+        *("variants=[plain,memory_1]", "visits=2", "visit_length=1", "window=0.5", "draws=2"),
+        "workers=1",
+    ],
 }
 
 

@@ -11,7 +11,9 @@ from torch import Tensor
 
 import mann_torch as mt
 from mann_torch.control import (
+    LAW_PARTS,
     AdaptiveLaw,
+    BoxProjection,
     Composite,
     ConcurrentLearning,
     ConstantGain,
@@ -65,6 +67,7 @@ def marched(law: Law, steps: int = 20, **given: Any) -> Tensor:
 
 
 AT_ZERO: dict[str, Callable[[], LawPart]] = {
+    "box_projection, far": lambda: BoxProjection(1e3),
     "composite": lambda: Composite(0.0),
     "composite, a row": lambda: Composite([0.0, 0.0]),
     "concurrent_learning": lambda: ConcurrentLearning(0.0, 2, 0.02, rows=ROWS),
@@ -95,7 +98,13 @@ def test_a_mechanism_at_zero_leaves_the_law_as_it_is_bit_for_bit(name: str, gain
     assert not torch.equal(marched(plain), marched(plain, steps=0))
 
 
+def test_every_mechanism_is_tried_at_zero() -> None:
+    tried = {type(make()) for make in (*AT_ZERO.values(), *GAINS.values())}
+    assert tried == set(LAW_PARTS.values())
+
+
 IN_FORCE: dict[str, Callable[[], LawPart]] = {
+    "box_projection": lambda: BoxProjection(0.7),
     "composite": lambda: Composite(0.3),
     "concurrent_learning": lambda: ConcurrentLearning(0.3, 2, 0.02, rows=ROWS),
     "dead_zone": lambda: DeadZone(0.2),

@@ -1,0 +1,86 @@
+"""docs/laws.md does what it says: its code runs as printed, compiled, and its table is whole."""
+
+import contextlib
+import io
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from omegaconf import OmegaConf
+
+from mann_torch.control import LAW_PARTS, LAWS, AdaptiveLaw, ConstantGain, Drive
+from mann_torch.control.mann import MannController
+
+PAGE = (Path(__file__).parent.parent / "docs" / "laws.md").read_text()
+SNIPPETS = re.findall(r"```python\n(.*?)```", PAGE, re.S)
+
+
+@pytest.fixture(scope="module")
+def page() -> dict[str, Any]:
+    """All that the page's snippets define, run in their order, and what they print."""
+    names: dict[str, Any] = {}
+    torch.manual_seed(0)
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        for snippet in SNIPPETS:
+            exec(compile(snippet, "docs/laws.md", "exec"), names)
+    return {**names, "printed": printed.getvalue()}
+
+
+def test_every_rollout_is_compiled(page: dict[str, Any]) -> None:
+    for name in ("run", "paper", "beside"):
+        assert page[name].engine == "compiled", page[name].engine_reason
+        assert not bool(page[name].status.any())
+
+
+def test_the_table_has_every_mechanism_and_law_with_its_constants() -> None:
+    rows = [line for line in PAGE.splitlines() if line.startswith("| `")]
+    told = {re.findall(r"`(\w+)`", row)[0]: row for row in rows}
+    known = {kind.__name__: kind for kind in (*LAW_PARTS.values(), *LAWS.values())}
+    assert set(told) == set(known) - {"AdaptiveLaw"}
+    for name, row in told.items():
+        arguments = {"gain_bound": 1.0, "reset_at": 0.1} if name == "LeastSquares" else {}
+        for constant in known[name](**arguments).constants():
+            assert f"`{constant}`" in row
+
+
+def test_the_composed_law_finds_what_is_sought(page: dict[str, Any]) -> None:
+    assert page["theta"].tolist() == pytest.approx([1.0, 2.0], abs=1e-2)
+    for slope in (page["forgetting"].grad, page["learning"].grad):
+        assert bool(torch.isfinite(slope).all() and (slope != 0).all())
+
+
+def test_ones_own_mechanism_at_zero_is_none(page: dict[str, Any]) -> None:
+    generator = torch.Generator().manual_seed(0)
+    phi, s, theta = (
+        torch.randn(*shape, generator=generator, dtype=torch.float64)
+        for shape in ((5, 4), (5, 3), (5, 4, 3))
+    )
+    drive = Drive.of_features(phi, s, s.norm(dim=-1))
+    plain = AdaptiveLaw(ConstantGain(2.0))(drive, theta, None)[0]
+    own = [AdaptiveLaw(ConstantGain(2.0), page["GrowingLeak"](c)) for c in (0.0, 0.3)]
+    assert torch.equal(own[0](drive, theta, None)[0], plain)
+    pulled = own[1](drive, theta, None)[0] - plain
+    known = -2.0 * 0.3 * theta.square().sum(dim=-2, keepdim=True) * theta
+    torch.testing.assert_close(pulled, known, rtol=1e-9, atol=1e-12)
+
+
+def test_its_file_is_of_the_form_that_is_read(page: dict[str, Any]) -> None:
+    (text,) = re.findall(r"```yaml\n(.*?)```", PAGE, re.S)
+    node = OmegaConf.to_container(OmegaConf.create(text))
+    assert isinstance(node, dict) and node.pop("name") == "adaptive"
+    parts = {**LAW_PARTS, "growing_leak": page["GrowingLeak"]}
+    law = AdaptiveLaw(*(parts[name](**told) for name, told in node.items()))
+    assert set(law.constants()) == {"adaptation_rate", "growing_leak"}
+
+
+def test_law_and_memory_are_where_the_page_puts_them(page: dict[str, Any]) -> None:
+    made = MannController(2, memory=page["memory"], network=page["linear"])
+    assert {"initial_gain", "forgetting", "gain_bound", "write_gain"} <= set(made.constants())
+    P = page["beside"].states.controller.laws.gain.P
+    assert P.shape[-2:] == (12, 12)
+    assert torch.linalg.eigvalsh(P[-1]).min() > 0 and P[-1].norm() < 100.0
+    constants = MannController(2, network=page["network"]).constants()
+    assert {"adaptation_rate", "switching_sigma", "rate_V"} <= set(constants)
