@@ -115,10 +115,10 @@ def test_the_list_has_every_controller_there_is() -> None:
 
 
 def test_plant_and_reference_may_be_given() -> None:
-    gains = [[0.0, 3.0, 0.0, 2.0]]
-    feedback = control.LinearFeedback(gains)
-    with pytest.raises(ConfigError, match=r"fits none of the plants .*feedback of 4 numbers"):
-        check_controller(feedback, engine="torch")
+    wide = control.LinearFeedback([[0.0, 3.0, 0.0, 2.0, 0.0]])
+    with pytest.raises(ConfigError, match=r"fits none of the plants .*feedback of 5 numbers"):
+        check_controller(wide, engine="torch")
+    feedback = control.LinearFeedback([[0.0, 3.0, 0.0, 2.0]])
     check_controller(feedback, plants.CartPole("position"), mt.Sinusoid([0.3]), engine="torch")
     check_controller(make_controller("nn"), mt.TwoLinkArm(), mt.Sinusoid([0.3, 0.2], 0.2))
 
