@@ -118,6 +118,7 @@ ROOMS = (
     ("records",),
     ("building",),
     ("reproduction", "gradients", "tuning", "learning"),
+    ("problems", "problem_tuning", "returns"),
     ("benchmarking",),
 )
 

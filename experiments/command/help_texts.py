@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from ..settings.benchmarks_config import BENCHMARKS
 from ..settings.memory_config import LEARNERS, RECALLERS
 from ..settings.problem_tuning_config import TUNED_PROBLEMS
 from .conf_files import group_names
@@ -23,7 +24,7 @@ class Help:
 #: What a loop and what is asked of it are chosen from.
 LOOP = (
     *("scenario", "plant", "reference", "controller", "network", "law", "keys", "actuator"),
-    *("sensor", "clock", "model", "disturbance", "solver"),
+    *("sensor", "clock", "model", "disturbance", "solver", "problem"),
 )
 HELP = {
     "simulate": Help(
@@ -85,6 +86,16 @@ HELP = {
         "Train associative recall by backpropagation: the memory cell beside nn.LSTM and nn.GRU.",
         {"fewer": "variants=[soft,lstm] seeds=2", "harder": "n_keys=12 n_pairs=10 n_slots=12"},
         choices=lambda: {"variants": RECALLERS},
+    ),
+    "benchmarks": Help(
+        "Problems with known answers: published or closed form beside ours, a verdict for every "
+        "number, a picture each.",
+        {
+            "fewer": "problems=[rohrs,l1]",
+            "engine": "problems=[estimators] engine=torch halved=false",
+            "wrong": "problems=[scalar_mrac] overrides=[law.constant.adaptation_rate=0.3]",
+        },
+        choices=lambda: {"problems": BENCHMARKS},
     ),
     "tune_problems": Help(
         "Tune benchmark problems by gradient through the loop, and judge them on other members, "

@@ -10,6 +10,7 @@ from pathlib import Path
 from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 
+from ..settings.benchmarks_config import BenchmarksConfig
 from ..settings.config import ReproduceConfig, SimulateConfig
 from ..settings.ensemble_config import EnsembleConfig
 from ..settings.memory_config import OnlineRegressionConfig, RecallConfig
@@ -67,6 +68,7 @@ def register() -> None:
     store.store(name="base_ensemble", node=EnsembleConfig)
     store.store(name="base_recall", node=RecallConfig)
     store.store(name="base_tune", node=TuneConfig)
+    store.store(name="base_benchmarks", node=BenchmarksConfig)
     store.store(name="base_tune_problems", node=ProblemTuningConfig)
     store.store(name="base_returning", node=ReturningConfig)
     store.store(name="base_gradient_report", node=GradientReportConfig)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from . import limited_input, quadrotor, rohrs, scalar_mrac, slotine_li, wing_rock
+from . import estimators, l1, limited_input, quadrotor, rohrs, scalar_mrac, slotine_li, wing_rock
 from .known import Problem
 
 PROBLEMS: dict[str, Problem] = {
@@ -10,6 +10,8 @@ PROBLEMS: dict[str, Problem] = {
     "rohrs": rohrs.PROBLEM,
     "slotine_li": slotine_li.PROBLEM,
     "wing_rock": wing_rock.PROBLEM,
+    "estimators": estimators.PROBLEM,
     "scalar_mrac": scalar_mrac.PROBLEM,
     "limited_input": limited_input.PROBLEM,
+    "l1": l1.PROBLEM,
 }

@@ -73,7 +73,7 @@ PROBLEM = Problem(
                     )
                 ),
             ),
-            ("W",),
+            ("force",),
         ),
     },
 )

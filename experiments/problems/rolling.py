@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
+import functools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,11 +17,10 @@ from mann_torch.simulation.step_grid import StepGrid
 
 from ..building.build import Experiment, build
 from ..building.ensembles import composed
-from ..building.sizes import check_samples
+from ..building.sizes import check_steps
 from ..records.arrays import signal_arrays
 from ..runs.figures import of_draws
 from ..settings.benchmarks_config import BenchmarksConfig
-from ..settings.config import SimulateConfig
 from .every import PROBLEMS
 from .known import Case
 from .run import Run
@@ -46,34 +47,40 @@ def case_of(problem: str, case: str) -> Case:
     return PROBLEMS[problem].cases[case]
 
 
-def settings(cfg: BenchmarksConfig, overrides: Sequence[str], finer: bool) -> SimulateConfig:
-    """The `simulate` configuration of overrides, the user's after the case's.
+def experiments_of(cfg: BenchmarksConfig, case: Case) -> list[Experiment]:
+    """A case's loops with their scenarios; the user's overrides come after the case's.
 
     Raises `ConfigError`.
     """
-    plain = composed((*overrides, *cfg.overrides))
-    dt = plain.solver.dt / 2 if finer else plain.solver.dt
-    solver = dataclasses.replace(plain.solver, dt=dt, engine=cfg.engine)
-    return dataclasses.replace(plain, solver=solver)
+    made = []
+    for overrides in (case.overrides, *case.others):
+        plain = composed((*overrides, *cfg.overrides))
+        solver = dataclasses.replace(plain.solver, engine=cfg.engine)
+        made.append(build(dataclasses.replace(plain, solver=solver)))
+    return made
 
 
-def _experiments(cfg: BenchmarksConfig, case: Case, finer: bool) -> list[Experiment]:
-    every = (case.overrides, *case.others)
-    return [build(settings(cfg, overrides, finer)) for overrides in every]
+def finer(made: Experiment) -> Experiment:
+    """The same at half the step."""
+    solver = copy.copy(made.solver)
+    solver.dt = made.solver.dt / 2
+    return dataclasses.replace(made, solver=solver)
 
 
 def n_steps(cfg: BenchmarksConfig, problem: str, name: str) -> int:
     """Steps of a case's rollouts, for the progress bar. Raises `ConfigError`."""
+    return _n_steps(cfg.engine, cfg.halved, tuple(cfg.overrides), problem, name)
+
+
+@functools.cache
+def _n_steps(engine: str, halved: bool, overrides: tuple[str, ...], problem: str, name: str) -> int:
+    cfg = BenchmarksConfig(engine=engine, overrides=list(overrides))
     case, found = case_of(problem, name), 0
-    check_samples(
-        settings(cfg, case.overrides, False),
-        _experiments(cfg, case, False)[0].scenario.end,
-        case.sample_dt,
-    )
-    for finer in (False, True) if cfg.halved else (False,):
-        for made in _experiments(cfg, case, finer):
-            scenario = made.scenario
-            found += StepGrid(scenario.end, scenario.knots(), made.solver.dt).n_steps
+    for made in experiments_of(cfg, case):
+        scenario = made.scenario
+        check_steps(scenario.end, case.sample_dt)
+        for dt in (made.solver.dt, made.solver.dt / 2) if halved else (made.solver.dt,):
+            found += StepGrid(scenario.end, scenario.knots(), dt).n_steps
     return found
 
 
@@ -83,10 +90,10 @@ def run_case(
     """Roll one case out and measure it."""
     case, start = case_of(problem, name), time.perf_counter()
     measured, runs = [], []
-    for finer in (False, True) if cfg.halved else (False,):
+    every = experiments_of(cfg, case)
+    for experiments in (every, [finer(made) for made in every]) if cfg.halved else (every,):
         first, *others = [
-            rolled(made, case.sample_dt, cfg.engine, progress)
-            for made in _experiments(cfg, case, finer)
+            rolled(made, case.sample_dt, cfg.engine, progress) for made in experiments
         ]
         run = dataclasses.replace(first, others=tuple(others))
         runs.append(run)

@@ -40,6 +40,11 @@ def ledger(run: Run) -> float:
     return float(V[0] - V[-1] - spent)
 
 
+def largest_step(run: Run) -> float:
+    """Of V, up, from sample to sample."""
+    return float(np.diff(energies(run)).max())
+
+
 PROBLEM = Problem(
     "Two links, four unknowns",
     "Slotine and Li 1987",

@@ -6,6 +6,13 @@ from dataclasses import dataclass, field
 
 from .config import PicturesConfig
 
+#: Problems with known answers, in the order of their tables.
+BENCHMARKS = (
+    *("quadrotor", "rohrs", "slotine_li", "wing_rock", "estimators"),
+    *("scalar_mrac", "limited_input", "l1"),
+)
+ENGINES = ("compiled", "torch")
+
 
 @dataclass
 class BenchmarksConfig:

@@ -63,7 +63,14 @@ from .meta_adaptive import MetaAdaptive
 from .mrac import InputOutputFilters, Mrac, OutputMrac
 from .pid import Pid
 from .robust import RobustGain
-from .saturation import SATURATIONS, AugmentedError, Hedging, MuModification, Saturation
+from .saturation import (
+    SATURATIONS,
+    AugmentedError,
+    Hedging,
+    KnownLimits,
+    MuModification,
+    Saturation,
+)
 from .slotine_li import SlotineLi
 from .tracking import FilteredTracking
 
@@ -126,6 +133,7 @@ __all__ = [
     "InputOutputFilters",
     "IntegralAction",
     "Joined",
+    "KnownLimits",
     "L1Adaptive",
     "Labels",
     "Law",

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from ..memory import WorkingMemory
-from ..types import Mode, Proximity, ReferenceSample
+from ..types import ControllerState, Mode, Proximity, ReferenceSample
 from .controller import Controller
 from .features import Approximation, Approximator, FeatureNetwork
 from .laws import Drive
@@ -29,10 +29,20 @@ class Look(NamedTuple):
 class AdaptiveController(Controller):
     """A controller with an `approximator`, whose state has a field `adaptive` for what that keeps.
 
-    Its mode is the approximator's.
+    Its mode is the approximator's. One whose state is the approximator's alone says so by
+    `adapted` and `with_adapted`.
     """
 
     approximator: Approximator
+
+    def adapted(self, state: Any) -> ControllerState:
+        """What the approximator keeps, of the controller's state."""
+        kept: ControllerState = state.adaptive
+        return kept
+
+    def with_adapted(self, state: Any, adaptive: ControllerState) -> Any:
+        """The state with another one of that."""
+        return state._replace(adaptive=adaptive)
 
     @abstractmethod
     def look(self, reference: ReferenceSample, measurement: Any, state: Any) -> Look:
@@ -85,17 +95,17 @@ class AdaptiveController(Controller):
         """Decisions of laws and memory."""
         seen = self.look(reference, measurement, state)
         adaptive, mode = self.approximator.jump(
-            seen.nn_input, seen.drive, seen.context, state.adaptive, mode,
+            seen.nn_input, seen.drive, seen.context, self.adapted(state), mode,
             lambda found: self.driven(reference, seen, found, state),
         )  # fmt: skip
-        return state._replace(adaptive=adaptive), mode
+        return self.with_adapted(state, adaptive), mode
 
     def proximity(
         self, reference: ReferenceSample, measurement: Any, state: Any, mode: Any
     ) -> Proximity:
         """What decides the memory's next event."""
         seen = self.look(reference, measurement, state)
-        return self.approximator.proximity(seen.nn_input, seen.context, state.adaptive, mode)
+        return self.approximator.proximity(seen.nn_input, seen.context, self.adapted(state), mode)
 
     def reallocate(
         self, reference: ReferenceSample, measurement: Any, state: Any, mode: Any, due: Tensor
@@ -103,6 +113,6 @@ class AdaptiveController(Controller):
         """The memory's reset, in the samples `due` (...,) bool."""
         seen = self.look(reference, measurement, state)
         adaptive, mode = self.approximator.reallocate(
-            seen.nn_input, seen.context, state.adaptive, mode, due
+            seen.nn_input, seen.context, self.adapted(state), mode, due
         )
-        return state._replace(adaptive=adaptive), mode
+        return self.with_adapted(state, adaptive), mode

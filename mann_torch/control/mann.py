@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import torch
-from torch import Tensor
 
 from ..checks import instance, whole
 from ..errors import ConfigError, ShapeError
@@ -19,11 +18,10 @@ from ..types import (
     InputGains,
     Measurement,
     MemoryMode,
-    Proximity,
     ReferenceSample,
     TrackingError,
 )
-from .controller import Controller
+from .adaptive_controller import AdaptiveController, Look
 from .features import (
     AdaptiveNetwork,
     Approximation,
@@ -40,7 +38,7 @@ from .tracking import FilteredTracking, check_joints, check_measured, tracking_g
 _OF_NETWORK = (10.0, 10.0, 0.0, 0.1)
 
 
-class MannController(Controller):
+class MannController(AdaptiveController):
     """tau = gain r + W'(sigma + h_o) + b_w; without a memory, the plain network controller.
 
     Paper: eqs. (clawrobotarm), (nnoutput), with the network `AdaptiveNetwork` of `n_hidden` neurons
@@ -101,41 +99,6 @@ class MannController(Controller):
         self.robust = RobustGain(base_gain, robust_gain, weight_bound)
         self.reference_order = max(1, inputs.reference_order)
 
-    @property
-    def network(self) -> FeatureNetwork:
-        """What adapts."""
-        return self.approximator.network
-
-    @property
-    def memory(self) -> WorkingMemory | None:
-        """What is remembered."""
-        return self.approximator.memory
-
-    @property
-    def reallocates(self) -> bool:  # type: ignore[override]
-        """Whether a jump can change its state: of a memory's slot, or of a law."""
-        return self.approximator.reallocates
-
-    @property
-    def periods(self) -> tuple[float, ...]:  # type: ignore[override]
-        """Of its laws."""
-        return self.approximator.periods
-
-    @property
-    def switches(self) -> bool:  # type: ignore[override]
-        """Whether the memory attends one slot at a time."""
-        return self.approximator.switches
-
-    def initial_weights(
-        self, batch_shape: Sequence[int], generator: torch.Generator | None = None
-    ) -> Any:
-        """Adaptive weights at t = 0: random with a generator, else the stored draw."""
-        return self.network.initial_state(batch_shape, generator)
-
-    def check_weights(self, weights: Any) -> torch.Size:
-        """Batch shape of weights. Raises `ShapeError`, `DtypeError` or `ConfigError`."""
-        return torch.Size() if weights is None else self.network.check_state(weights)
-
     def check_fit(self, n_inputs: int, n_outputs: int) -> None:
         """Raise `ShapeError` unless there is an input for each of its outputs."""
         check_joints(self.n_joints, n_inputs, n_outputs)
@@ -150,7 +113,7 @@ class MannController(Controller):
     ) -> tuple[ControllerState, MemoryMode | None]:
         """State and mode at t = 0; the memory starts from features there. Raises `KindError`."""
         check_measured(measurement)
-        nn_input = self._look(reference, measurement)[1]
+        nn_input = self.look(reference, measurement, None).nn_input
         return self.approximator.initial_state(
             nn_input, measurement.q, batch_shape, generator, weights
         )
@@ -163,51 +126,15 @@ class MannController(Controller):
         mode: MemoryMode | None,
     ) -> ControlOutput:
         """Torque (..., n) [N m], time derivative of the state, and signals."""
-        tracking, nn_input = self._look(reference, measurement)
-        r = tracking.filtered_error
-        found: Approximation = self.approximator(nn_input, r, measurement.q, state, mode)
+        tracking: TrackingError = self.tracking(reference, measurement)
+        seen, r = self._seen(tracking, reference, measurement), tracking.filtered_error
+        found: Approximation = self.approximator(seen.nn_input, r, seen.context, state, mode)
         gain = self.robust(found.norms)
         u = gain.unsqueeze(-1) * r + found.output
-        rates = self.approximator.rates(found, _drive(tracking, found), state, mode)
+        drive = self.driven(reference, seen, found, state)
+        rates = self.approximator.rates(found, drive, state, mode)
         signals = ControlSignals(tracking, found.features, found.read, found.weights, gain)
         return ControlOutput(u, rates, signals)
-
-    def jump(
-        self,
-        reference: ReferenceSample,
-        measurement: Measurement,
-        state: ControllerState,
-        mode: MemoryMode | None,
-    ) -> tuple[ControllerState, MemoryMode | None]:
-        """Decisions of laws and memory: reallocation, and which slot is attended now."""
-        tracking, nn_input = self._look(reference, measurement)
-        return self.approximator.jump(
-            nn_input, tracking.filtered_error, measurement.q, state, mode,
-            lambda found: _drive(tracking, found),
-        )  # fmt: skip
-
-    def proximity(
-        self,
-        reference: ReferenceSample,
-        measurement: Measurement,
-        state: ControllerState,
-        mode: MemoryMode,
-    ) -> Proximity:
-        """What decides the memory's next event."""
-        nn_input = self._look(reference, measurement)[1]
-        return self.approximator.proximity(nn_input, measurement.q, state, mode)
-
-    def reallocate(
-        self,
-        reference: ReferenceSample,
-        measurement: Measurement,
-        state: ControllerState,
-        mode: MemoryMode,
-        due: Tensor,
-    ) -> tuple[ControllerState, MemoryMode]:
-        """The memory's reset, in the samples `due` (...,) bool."""
-        nn_input = self._look(reference, measurement)[1]
-        return self.approximator.reallocate(nn_input, measurement.q, state, mode, due)
 
     def input_gains(
         self, reference: ReferenceSample, output: ControlOutput, state: ControllerState
@@ -224,14 +151,28 @@ class MannController(Controller):
             rate = rate if slope is None else rate + slope
         return tracking_gains(rate @ self.tracking.error_gain, rate, reference)
 
-    def _look(
-        self, reference: ReferenceSample, measurement: Measurement
-    ) -> tuple[TrackingError, Tensor]:
-        tracking: TrackingError = self.tracking(reference, measurement)
-        return tracking, self.inputs(tracking, reference, measurement)
+    def adapted(self, state: ControllerState) -> ControllerState:
+        """All of it."""
+        return state
 
+    def with_adapted(self, state: ControllerState, adaptive: ControllerState) -> ControllerState:
+        """The other one."""
+        return adaptive
 
-def _drive(tracking: TrackingError, found: Approximation) -> Drive:
-    """r drives, and |e| is that of positions."""
-    error_norm = torch.linalg.vector_norm(tracking.error, dim=-1)
-    return Drive.of_features(found.features.hidden, tracking.filtered_error, error_norm)
+    def look(self, reference: ReferenceSample, measurement: Measurement, state: Any) -> Look:
+        """x~, r, q and e."""
+        return self._seen(self.tracking(reference, measurement), reference, measurement)
+
+    def _seen(
+        self, tracking: TrackingError, reference: ReferenceSample, measurement: Measurement
+    ) -> Look:
+        nn_input = self.inputs(tracking, reference, measurement)
+        r = tracking.filtered_error
+        return Look(nn_input, r, measurement.q, tracking.error, measurement)
+
+    def driven(
+        self, reference: ReferenceSample, seen: Look, found: Approximation, state: Any
+    ) -> Drive:
+        """r drives, and |e| is that of positions."""
+        error_norm = torch.linalg.vector_norm(seen.error, dim=-1)
+        return Drive.of_features(found.features.hidden, seen.drive, error_norm)

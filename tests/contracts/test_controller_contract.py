@@ -66,6 +66,7 @@ CONTROLLERS_TO_CHECK: dict[str, Callable[[], control.Controller]] = {
         labels=control.FilteredLabels([[0.0, 1.0], [0.0, 0.0]], INPUT, 5.0),
     ),
     "mrac, hedged": lambda: of_mrac(saturation=control.Hedging(MODEL, INPUT, 0.5)),
+    "mrac, known limits": lambda: of_mrac(saturation=control.KnownLimits(0.5)),
     "mrac, augmented error": lambda: of_mrac(saturation=control.AugmentedError(MODEL, INPUT, 0.5)),
     "mrac, with a memory": lambda: of_mrac(memory=mt.WorkingMemory(2, 3, mt.HardAttention())),
     "estimator": control.Estimator,
@@ -115,10 +116,10 @@ def test_the_list_has_every_controller_there_is() -> None:
 
 
 def test_plant_and_reference_may_be_given() -> None:
-    wide = control.LinearFeedback([[0.0, 3.0, 0.0, 2.0, 0.0]])
-    with pytest.raises(ConfigError, match=r"fits none of the plants .*feedback of 5 numbers"):
-        check_controller(wide, engine="torch")
-    feedback = control.LinearFeedback([[0.0, 3.0, 0.0, 2.0]])
+    gains = [[0.0, 3.0, 0.0, 2.0]]
+    feedback = control.LinearFeedback(gains)
+    with pytest.raises(ConfigError, match=r"fits none of the plants .*feedback of 7 numbers"):
+        check_controller(control.LinearFeedback([[1.0] * 7]), engine="torch")
     check_controller(feedback, plants.CartPole("position"), mt.Sinusoid([0.3]), engine="torch")
     check_controller(make_controller("nn"), mt.TwoLinkArm(), mt.Sinusoid([0.3, 0.2], 0.2))
 

@@ -38,6 +38,7 @@ CALLS: dict[str, Call] = {
     ),
     "InputOutputFilters": (control.InputOutputFilters, {"filter_rates": [1.0, 2.0]}),
     "AugmentedError": (control.AugmentedError, {**LIMITED, "deficit_rate": 1.0, "start": 0.5}),
+    "KnownLimits": (control.KnownLimits, {"input_limit": 2.0}),
     "Hedging": (control.Hedging, LIMITED),
     "MuModification": (
         control.MuModification,

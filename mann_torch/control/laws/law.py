@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
 from typing import Any
 
 from torch import Tensor
 
-from ...constraints import DesignModule
-from ...interface import Interface
 from .drive import Drive
+from .keeping import Keeping
 
 
-class Law(Interface, DesignModule):
+class Law(Keeping):
     """d theta/dt of an estimate theta (..., N, m) in u = Phi' theta.
 
     Its contract (`mann_torch.testing.check_law`):
@@ -38,45 +36,8 @@ class Law(Interface, DesignModule):
         """Whether estimates move towards 0 where nothing drives them (sigma-modification)."""
         return False
 
-    @property
-    def drives(self) -> bool:
-        """Whether an error of its own moves estimates, too: that of a pair, or of stored data."""
-        return "pair" in self.needs
-
-    @property
-    def needs(self) -> frozenset[str]:
-        """Fields of `Drive` that it reads and not every controller has."""
-        return frozenset()
-
-    @property
-    def rows(self) -> int | None:
-        """r of the regressors (..., N, r) that it takes; None: any."""
-        return None
-
-    @property
-    def periods(self) -> tuple[float, ...]:
-        """Periods [s] at whose multiples its `jump` samples."""
-        return ()
-
-    @property
-    def resets(self) -> bool:
-        """Whether `jump` can change its state."""
-        return False
-
-    def initial_state(self, n_features: int, n_outputs: int, batch_shape: Sequence[int]) -> Any:
-        """State at t = 0: None, or a tree of tensors (..., *event)."""
-        return None
-
-    def initial_mode(self, n_features: int, n_outputs: int, batch_shape: Sequence[int]) -> Any:
-        """What only jumps change, at t = 0: None, or a tree of tensors (..., *event)."""
-        return None
-
     @abstractmethod
     def forward(
         self, drive: Drive, estimate: Tensor, state: Any, mode: Any = None
     ) -> tuple[Tensor, Any]:
         """d theta/dt and d state/dt, for a theta (..., N, m)."""
-
-    def jump(self, drive: Drive, estimate: Tensor, state: Any, mode: Any) -> tuple[Any, Any]:
-        """State and mode after the decisions of one instant."""
-        return state, mode

@@ -92,7 +92,7 @@ class Mrac(MatrixConstants, AdaptiveController):
         self.saturation = saturation
         if saturation is not None:
             instance("saturation", saturation, Saturation)
-            if (saturation.n_inputs, saturation.n_states) != (m, n):
+            if saturation.n_inputs != m or saturation.n_states not in (None, n):
                 raise ShapeError(
                     f"saturation of {saturation.n_inputs} inputs and {saturation.n_states} states "
                     f"in a controller of {m} and {n}"
@@ -145,16 +145,15 @@ class Mrac(MatrixConstants, AdaptiveController):
         """State and mode at t = 0. Raises `ConfigError` without a reference model, `ShapeError`."""
         check_measured_state(measurement, self._field, self.n_inputs, self.n_states)
         check_followed("Mrac", reference, self.n_commands, self.n_states)
-        seen = self._seen(reference, measurement, None)
+        kept = None if self.saturation is None else self.saturation.initial_state(batch_shape)
+        seen = self._seen(reference, measurement, kept)
         x = seen.context
         adaptive, mode = self.approximator.initial_state(
             seen.nn_input, x, batch_shape, generator, weights
         )
-        integral = kept = filters = None
+        integral = filters = None
         if self.integral is not None:
             integral = self.integral.initial_state(self.n_inputs, batch_shape)
-        if self.saturation is not None:
-            kept = self.saturation.initial_state(batch_shape)
         if self.labels is not None:
             filters = self.labels.initial_state(self.network.n_hidden, x, batch_shape)
         return MracState(adaptive, integral, kept, filters), mode
@@ -171,8 +170,8 @@ class Mrac(MatrixConstants, AdaptiveController):
         x = torch.cat(state_of(measurement, self._field), dim=-1)
         model, command = followed("Mrac", reference)
         error = model - x
-        if self.saturation is not None and kept is not None:
-            error = error + self.saturation.error(kept)
+        blamed = None if self.saturation is None else self.saturation.error(kept)
+        error = error if blamed is None else error + blamed
         s = times_column(self.matrix("error_gain"), error)
         z = torch.cat([x, command.expand(*x.shape[:-1], command.shape[-1])], dim=-1)
         return Look(z, s, x, error, measurement)

@@ -4,6 +4,7 @@ from ...registry import Registry
 from .augmented_error import AugmentedError
 from .deficit import Deficit
 from .hedging import Hedging
+from .known_limits import KnownLimits
 from .learned_deficit import LearnedDeficit
 from .mu_modification import MuModification
 from .saturation import Saturation
@@ -14,6 +15,7 @@ SATURATIONS: Registry[Saturation] = Registry(
     {
         "augmented_error": AugmentedError,
         "hedging": Hedging,
+        "known_limits": KnownLimits,
         "mu_modification": MuModification,
     },
 )
@@ -23,6 +25,7 @@ __all__ = [
     "AugmentedError",
     "Deficit",
     "Hedging",
+    "KnownLimits",
     "LearnedDeficit",
     "MuModification",
     "Saturation",

@@ -41,7 +41,8 @@ class Deficit(MatrixConstants, Saturation):
 
     def start_of(self, batch_shape: Sequence[int]) -> Tensor:
         """e_d = 0 (..., n)."""
-        return torch.zeros(*batch_shape, self.n_states, dtype=torch.float64)
+        n = self.matrix("deficit_dynamics").shape[-1]
+        return torch.zeros(*batch_shape, n, dtype=torch.float64)
 
     def moved(self, e_d: Tensor, push: Tensor) -> Tensor:
         """A e_d + B v (..., n), for v (..., m)."""

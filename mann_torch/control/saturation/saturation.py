@@ -16,13 +16,14 @@ from ...interface import Interface
 class Saturation(Interface, DesignModule):
     """What a controller does about an input that is limited.
 
-    Its contract: `n_states` n and `n_inputs` m say its sizes. State is a NamedTuple of its own, or
-    None, that flows by `rates`. e_d is what of the tracking error the limits are to blame for: the
-    controller's error is x_m + e_d - x. While u is within the limits e_d stays 0 and `command` is
-    u, bit for bit. The limits themselves are the plant's or an `Actuator`'s; this knows them only.
+    Its contract: `n_states` n, None for any, and `n_inputs` m say its sizes. State is a NamedTuple
+    of its own, or None, that flows by `rates`. e_d is what of the tracking error the limits are to
+    blame for, None for nothing: the controller's error is x_m + e_d - x. While u is within the
+    limits e_d stays 0 and `command` is u, bit for bit. The limits themselves are the plant's or an
+    `Actuator`'s; this knows them only.
     """
 
-    n_states: int
+    n_states: int | None
     n_inputs: int
 
     @property
@@ -35,8 +36,8 @@ class Saturation(Interface, DesignModule):
         """State at t = 0."""
 
     @abstractmethod
-    def error(self, state: Any) -> Tensor:
-        """e_d (..., n)."""
+    def error(self, state: Any) -> Tensor | None:
+        """e_d (..., n), or None."""
 
     @abstractmethod
     def rates(self, state: Any, drive: Tensor, excess: Tensor) -> Any:

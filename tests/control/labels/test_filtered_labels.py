@@ -31,7 +31,7 @@ def controller(labels: control.Labels | None, saturation: bool = False) -> contr
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("limited", [False, True])
+@pytest.mark.parametrize("limited", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_the_label_is_exact_from_the_first_instant_on(limited: bool) -> None:
     """W*' phi_f = Delta_f, wherever the state starts; of a limited input, that which is applied."""
     labels = control.FilteredLabels(LINE, INPUT, 4.0)

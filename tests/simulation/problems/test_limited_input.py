@@ -19,12 +19,21 @@ PARTS = {
     "unprotected": lambda limit: None,
     "augmented error": lambda limit: control.AugmentedError(MODEL, INPUT, limit),
     "hedging": lambda limit: control.Hedging(MODEL, INPUT, limit),
+    "known limits": lambda limit: control.KnownLimits(limit),
     "mu-modification": lambda limit: control.MuModification(MODEL, INPUT, limit, 2.0, 1.0),
 }
+PROTECTED = [name for name in PARTS if name != "unprotected"]
+
+
+def each_of(*names: str) -> pytest.MarkDecorator:
+    """All of them; each is a loop to compile, so the last alone is quick."""
+    slow = [pytest.param(name, marks=pytest.mark.slow) for name in names[:-1]]
+    return pytest.mark.parametrize("name", [*slow, names[-1]])
 
 
 def limited(
     name: str,
+    *parts: control.LawPart,
     start: float = -9.99,
     horizon: float = 10.0,
     known_limit: float = LIMIT,
@@ -35,7 +44,7 @@ def limited(
 ) -> mt.Trajectory:
     """x' = x + sat(u), u = theta x + k r, after x_m' = -x_m + r."""
     plant = LinearPlant([[1.0]], [[1.0]], [[1.0]])
-    law = control.AdaptiveLaw(control.ConstantGain(0.1))
+    law = control.AdaptiveLaw(control.ConstantGain(0.1), *parts)
     network = control.LinearNetwork(control.Identity(2), 1, law, start=[[gains[0]], [gains[1]]])
     controller = control.Mrac.of_model(
         MODEL, INPUT, network, Q=2.0, saturation=PARTS[name](known_limit)
@@ -73,17 +82,17 @@ def test_unprotected_they_wind_up() -> None:
     assert thetas == pytest.approx([-52.973, -62.471], abs=5.1e-4)
 
 
-@pytest.mark.parametrize("name", PARTS)
+@each_of("unprotected", *PROTECTED)
 def test_from_beyond_what_is_controllable_no_law_comes_back(name: str) -> None:
     """u = 10 to the end: x = -10 - 0.01 e^t, which is -100 at log(9000) = 9.105 s."""
-    run = limited(name, -10.01, 9.2)
+    run = limited(name, start=-10.01, horizon=9.2)
     first = int((run.output[:, 0] <= -100.0).nonzero()[0])
     assert float(run.t[first]) - 2e-3 < math.log(9000.0) <= float(run.t[first])
     closed = -10.0 - 0.01 * torch.exp(run.t)
     torch.testing.assert_close(run.output[:, 0], closed, rtol=1e-9, atol=0)
 
 
-@pytest.mark.parametrize("name", [name for name in PARTS if name != "unprotected"])
+@each_of(*PROTECTED)
 def test_limits_that_are_never_met_change_nothing(name: str) -> None:
     """Bit for bit: what is known of the limits, not the limits, is what counts."""
     run, plain = limited(name, known_limit=1e6), limited("unprotected")
@@ -94,12 +103,22 @@ def test_limits_that_are_never_met_change_nothing(name: str) -> None:
 def test_hedging_takes_all_of_the_limits_out_of_the_error() -> None:
     """With the ideal gains nothing is to be learned, however long the input is at its limit."""
     runs = [
-        limited(name, -6.0, gains=(-2.0, 1.0), model_start=-6.0)
+        limited(name, start=-6.0, gains=(-2.0, 1.0), model_start=-6.0)
         for name in ("hedging", "unprotected")
     ]
     assert found_at(runs[0], 20)[1:] == pytest.approx([-2.0, 1.0], abs=1e-12)
     assert abs(found_at(runs[1], 20)[1] + 2.0) > 0.02
     assert float(runs[0].error.abs().max()) > 0.1
+
+
+def test_what_is_frozen_stands_still_while_the_input_is_cut() -> None:
+    """Until x is back from the edge, x = -10 + 0.01 e^t, whatever the error."""
+    run = limited("known limits", control.FreezeWhileSaturated(), start=-9.99)
+    assert found_at(run, 10)[1:] == [-2.2, 1.1]
+    moved, unprotected = (
+        abs(found_at(each, 20)[1] + 2.2) for each in (run, limited("unprotected"))
+    )
+    assert 0.0 < moved < 0.05 * unprotected
 
 
 @pytest.mark.slow

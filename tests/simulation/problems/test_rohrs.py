@@ -88,6 +88,7 @@ def test_sigma_modification_bounds_it() -> None:
     assert float(run.output.abs().max()) == pytest.approx(0.4445, abs=5.1e-5)
 
 
+@pytest.mark.slow
 def test_sigma_modification_of_one_gain_does_not() -> None:
     """k_r drifts on. SciPy (DOP853, rtol 1e-10): |y| = 1000 at 26.476900 s."""
     run = rohrs(AT_CROSSING, 26.6, control.SigmaModification([0.2, 0.0]))

@@ -80,6 +80,7 @@ def test_stored_data_teach_it() -> None:
     assert float(found[6]) == pytest.approx(2.03e-6, abs=5.1e-9)
 
 
+@pytest.mark.slow
 def test_so_do_filters_that_measure_no_acceleration() -> None:
     labels = control.FilteredLabels([[0.0, 1.0], [0.0, 0.0]], INPUT, 20.0)
     assert float(distances(wing(learning(), labels=labels))[6]) < 1e-5
