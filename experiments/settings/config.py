@@ -83,15 +83,23 @@ class OutputConfig(PicturesConfig):
     member: int = 0  # whose pictures: 0 to draws - 1
 
 
+#: What studies of the paper's controller look at.
+PAPERS_NAMES = (
+    *("write_gain", "shift_threshold", "error_gain", "base_gain", "robust_gain"),
+    *("rate_W", "rate_V"),
+)
+
+
 @dataclass
 class ProblemConfig:
-    """A problem with known answers: what it is called, and what studies of it ask.
+    """A problem with known answers: what it is called, and what studies ask of it.
 
-    Without one, each study's file says what it asks of the paper's.
+    Without one, it is what they ask of the paper's controller.
     """
 
     name: str | None = None
-    names: list[str] = field(default_factory=list)  # constants to tune or differentiate by
+    #: Constants to tune or to differentiate by.
+    names: list[str] = field(default_factory=lambda: list(PAPERS_NAMES))
     effort_after: float = 10.0  # [s]
 
 

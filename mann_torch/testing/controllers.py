@@ -45,13 +45,13 @@ def check_controller(
 ) -> None:
     """Raise `InterfaceError` where a controller breaks a line of its contract, which it names.
 
-    It is tried on the plant, or on the first of two-link arm, double integrator and two linear
-    plants that it fits, following the reference, or random samples with just the derivatives that
-    it asks for; if it needs a command beside them, following the output of a `model`, of second
-    order if not given; at last in a short rollout by the engine, ``auto``, ``compiled`` or
-    ``torch``: the compiled one takes some seconds. Of a controller with relaxed attention, check
-    the one that it was relaxed from. Raises `ConfigError`, `ShapeError` for a part that does not
-    fit, and `KindError` for one of a wrong type.
+    It is tried on the plant, or on the first of two-link arm, double integrator, two linear plants
+    and a regression that it fits, following the reference, or random samples with just the
+    derivatives that it asks for; if it needs a command beside them, following the output of a
+    `model`, of second order if not given; at last in a short rollout by the engine, ``auto``,
+    ``compiled`` or ``torch``: the compiled one takes some seconds. Of a controller with relaxed
+    attention, check the one that it was relaxed from. Raises `ConfigError`, `ShapeError` for a part
+    that does not fit, and `KindError` for one of a wrong type.
     """
     instance("controller", controller, Controller)
     if plant is not None:
