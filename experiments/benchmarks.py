@@ -127,11 +127,17 @@ def _task(cfg: Any) -> None:
 
 def _all_results(cfg: BenchmarksConfig, steps: dict[str, int], folder: Path) -> Results:
     """Every case's, in order; those on disk are not computed again."""
-    names = [(problem, case) for problem in cfg.problems for case in PROBLEMS[problem].cases]
-    given = {f"{problem}-{case}": (cfg, problem, case) for problem, case in names}
+    names = {
+        f"{problem}-{case}": (problem, case)
+        for problem in cfg.problems
+        for case in PROBLEMS[problem].cases
+    }
+    longest = sorted(names, key=lambda name: -steps[name])  # none of them is waited for at the end
+    given = {name: (cfg, *names[name]) for name in longest}
     kept = npz_parts(CaseResult, folder)
-    found = all_parts(run_case, given, list(steps.values()), kept, cfg.workers, "step")
-    return dict(zip(names, found.values(), strict=True))
+    counts = [steps[name] for name in longest]
+    found = all_parts(run_case, given, counts, kept, cfg.workers, "step")
+    return {of: found[name] for name, of in names.items()}
 
 
 def _draw(cfg: BenchmarksConfig, results: Results, folder: Path) -> dict[str, Figure]:

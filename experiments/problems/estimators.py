@@ -8,16 +8,21 @@ import numpy as np
 from scipy.integrate import quad_vec
 from scipy.linalg import expm
 
-from .known import Case, Known, Measure, Problem, at_most, closed, printed
+from .known import Case, Known, Mark, Measure, Problem, at_most, closed, printed
 from .measures import growth, mark
+from .run import Run
 
 #: What estimates are off at the start, and what is sought.
 OFF, SOUGHT = np.array([1.0, 2.0]), np.array([-1.0, -2.0])
 
 
-def error(time: float, column: int) -> Measure:
-    """theta^ - theta* at a sample [s]."""
-    return lambda run: float(run.at("theta", time)[column] - SOUGHT[column])
+def error(time: float, column: int) -> tuple[Measure, Mark]:
+    """theta^ - theta* at a sample [s], and where it stands in a picture."""
+
+    def off(run: Run) -> float:
+        return float(run.at("theta", time)[column] - SOUGHT[column])
+
+    return off, Mark("theta", column, time, float(SOUGHT[column]))
 
 
 def by_gradient(gamma: float, t: float) -> np.ndarray:
@@ -55,14 +60,14 @@ def offset(t: float) -> np.ndarray:
 
 def _both(time: float, wanted: np.ndarray, told: str = "") -> tuple[Known, ...]:
     return tuple(
-        closed(f"theta~_{k + 1}({time:g} s){told}", float(wanted[k]), error(time, k))
+        closed(f"theta~_{k + 1}({time:g} s){told}", float(wanted[k]), *error(time, k))
         for k in range(2)
     )
 
 
 def _printed(time: float, digits: tuple[str, str]) -> tuple[Known, ...]:
     return tuple(
-        printed(f"theta~_{k + 1}({time:g} s)", text, error(time, k))
+        printed(f"theta~_{k + 1}({time:g} s)", text, *error(time, k))
         for k, text in enumerate(digits)
     )
 
@@ -96,7 +101,7 @@ PROBLEM = Problem(
                     closed(
                         f"theta~_{k + 1}(5 s), gamma = 2",
                         float(by_gradient(2.0, 5.0)[k]),
-                        _second(error(5.0, k)),
+                        _second(error(5.0, k)[0]),
                     )
                     for k in range(2)
                 ),

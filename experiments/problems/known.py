@@ -19,11 +19,15 @@ LAST_PLACE = 0.51
 
 @dataclass(frozen=True)
 class Mark:
-    """Where a known number stands in a picture: at a time [s], in a column of an array."""
+    """Where a known number stands in a picture: at a time [s], in a column of an array.
+
+    What the array holds is larger than the number by `shift`.
+    """
 
     array: str
     column: int
     time: float
+    shift: float = 0.0
 
 
 @dataclass(frozen=True)

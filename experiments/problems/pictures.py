@@ -99,7 +99,7 @@ def _marks(ax: Axes, case: Case, array: str) -> None:
     points = [(known.mark, known.value) for known in case.known if known.mark is not None]
     own: list[tuple[Mark, float]] = [(m, value) for m, value in points if m.array == array]
     if own:
-        t, values = [m.time for m, _ in own], [value for _, value in own]
+        t, values = [m.time for m, _ in own], [value + m.shift for m, value in own]
         ax.plot(t, values, "o", mfc="none", mec="k", ms=6, zorder=5)
 
 

@@ -19,7 +19,9 @@ LINES = dict.fromkeys(
     for page in PAGES
     for block in re.findall(r"```sh\n(.*?)```", page.read_text(), re.S)
     for line in block.splitlines()
-    if re.match(r"python -m experiments\.(simulate|ensemble|tune|gradient_report)\b", line)
+    if re.match(
+        r"python -m experiments\.(simulate|ensemble|tune|gradient_report|benchmarks)\b", line
+    )
 )
 
 
