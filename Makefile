@@ -1,9 +1,9 @@
-# make reproduce | make test | make install | make check | make bench
+# make reproduce | make benchmarks | make test | make install | make check | make bench
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 PY := .venv/bin/python
 ARGS ?=
 
-.PHONY: install reproduce test lint check bench
+.PHONY: install reproduce benchmarks test lint check bench
 
 install: .venv/installed
 
@@ -19,6 +19,10 @@ install: .venv/installed
 # make reproduce ARGS="draws=10 initial.weights_file=tests/golden/initial_weights.npz"
 reproduce: install
 	$(PY) -m experiments.reproduce $(ARGS)
+
+# make benchmarks ARGS="problems=[rohrs,l1]"
+benchmarks: install
+	$(PY) -m experiments.benchmarks $(ARGS)
 
 lint: install
 	.venv/bin/ruff check .

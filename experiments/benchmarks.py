@@ -108,7 +108,9 @@ def _task(cfg: Any) -> None:
             "wall_s": wall_s,
             "engines": engines,
             "score": table.score(rows),
-            "rows": [{**asdict(row), "deviation": row.deviation} for row in rows],
+            "rows": [
+                {**asdict(row), "deviation": row.deviation, "margin": row.margin} for row in rows
+            ],
             "cases": {
                 f"{problem}-{case}": {"dt": r.dt, "wall_s": r.wall_s, "status": r.status}
                 for (problem, case), r in results.items()

@@ -24,7 +24,7 @@ from mann_torch.errors import ConfigError
 from mann_torch.simulation.step_grid import StepGrid
 from mann_torch.tuning import Coordinates, Ensemble, GradientSettings, Objective, Schedule, Tuner
 
-from .building.ensembles import check_names, tuned_ensemble
+from .building.ensembles import check_names, scenarios_of, tuned_ensemble
 from .command.cli import command_line, reject_unknown, run_cli
 from .records.recording import Writer, log_summary, summary_writer, telling_settings
 from .runs import checkpoints
@@ -68,7 +68,7 @@ def checked(cfg: Any) -> TuneConfig:
 def tuner_of(cfg: TuneConfig) -> Tuner:
     """The tuner of a configuration. Raises `ConfigError`."""
     check_names("train", cfg.train.scenarios, cfg.train.draws)
-    ensemble = tuned_ensemble(cfg, cfg.train.scenarios, cfg.train.draws)
+    ensemble = tuned_ensemble(cfg, scenarios_of(cfg, cfg.train), cfg.train.draws)
     shared = [name for name in cfg.names if name in ensemble.own]
     if shared:
         raise ConfigError(
@@ -151,7 +151,7 @@ def _task(cfg: Any) -> None:
         if plain.output.figures:
             figures["progress"] = progress_curves(tuner.history, labels, starts)
         if plain.output.figures and scores:
-            title = f"trained on {', '.join(plain.train.scenarios)}"
+            title = f"trained on {', '.join(scenarios_of(plain, plain.train))}"
             figures["pareto"] = pareto(scores, candidates, chosen, title)
         save_all(folder, figures, plain.output)
         results = {"metrics/objective": tuner.history[-1]["objective"]}

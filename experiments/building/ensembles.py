@@ -20,7 +20,7 @@ from ..command.conf_files import group_names
 from ..command.hydra_setup import ONLY_SCENARIO
 from ..settings.checks import check_horizon
 from ..settings.config import LoopConfig, SimulateConfig
-from ..settings.study_config import StudyConfig, TuneConfig
+from ..settings.study_config import SetConfig, StudyConfig, TuneConfig
 from .batching import side_by_side
 from .build import build
 from .controllers import constant
@@ -30,6 +30,11 @@ from .controllers import constant
 def composed(overrides: tuple[str, ...]) -> SimulateConfig:
     """The `simulate` configuration of some overrides. Raises `ConfigError`."""
     return cast(SimulateConfig, OmegaConf.to_object(compose_job("simulate", list(overrides))))
+
+
+def scenarios_of(cfg: TuneConfig, of: SetConfig) -> list[str]:
+    """Names of a set's scenarios: the one that is chosen in their place, if any."""
+    return of.scenarios if cfg.scenario is None else [cfg.scenario.name]
 
 
 def check_names(where: str, scenarios: Sequence[str], draws: Sequence[int]) -> None:
@@ -62,7 +67,7 @@ def in_scenario(cfg: StudyConfig, name: str) -> SimulateConfig:
     Raises `ConfigError`.
     """
     shared = {f.name: getattr(cfg, f.name) for f in dataclasses.fields(LoopConfig)}
-    if isinstance(cfg, TuneConfig) and cfg.scenario is not None:
+    if isinstance(cfg, TuneConfig) and cfg.scenario is not None:  # no other is asked for
         return copy.deepcopy(SimulateConfig(**shared, scenario=cfg.scenario))
     study = OmegaConf.structured(SimulateConfig(**copy.deepcopy(shared)))
     try:

@@ -79,7 +79,7 @@ def _adaptation(
     State keys compare all that is measured.
     """
     sizes = {
-        "n_inputs": kind.fed(len(plant.outputs), measured),
+        "n_inputs": kind.fed(len(plant.outputs), measured, given),
         "n_outputs": len(plant.inputs),
         "n_hidden": given.pop("n_hidden", _N_HIDDEN),
     }

@@ -93,7 +93,7 @@ HELP = {
         {
             "fewer": "problems=[rohrs,l1]",
             "engine": "problems=[estimators] engine=torch halved=false",
-            "wrong": "problems=[scalar_mrac] overrides=[law.constant.adaptation_rate=0.3]",
+            "wrong": "problems=[scalar_mrac] 'overrides=[\"law.constant.adaptation_rate=0.3\"]'",
         },
         choices=lambda: {"problems": BENCHMARKS},
     ),

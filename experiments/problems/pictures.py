@@ -22,7 +22,10 @@ _MOST = 5.0
 
 
 def picture(problem: Problem, results: Mapping[str, CaseResult]) -> Figure:
-    """Output over reference, input, and what each case shows."""
+    """Output over reference, input, and what each case shows.
+
+    Dotted: outputs of the rollouts beside, scaled as the references are.
+    """
     from matplotlib.figure import Figure
 
     below = max(len(problem.cases[name].shown) for name in results)
@@ -63,10 +66,13 @@ def _outputs(ax: Axes, run: Arrays, case: Case) -> None:
             run["t"], run["output"][:, column], lw=0.9, label=with_unit(symbol(name), unit)
         )
         ax.plot(run["t"], run["reference"][:, column], "--", lw=0.7, color=line[0].get_color())
+    for curve in run["beside"].T if "beside" in run else ():
+        ax.plot(run["t"], curve, ":", lw=1.0, color="k")
     for array in run["states"].tolist():
         if _is_output(run, array):
             _marks(ax, case, array)
-    ax.set_ylabel("output, -- reference")
+    scaled = ", .. scaled" if "beside" in run else ""
+    ax.set_ylabel(f"output, -- reference{scaled}")
     _fit(ax, run["output"])
     if len(run["outputs"]) > 1:
         beside(ax, fontsize="x-small")
@@ -100,5 +106,5 @@ def _marks(ax: Axes, case: Case, array: str) -> None:
 def _fit(ax: Axes, rows: np.ndarray) -> None:
     """Where a loop is lost, show what came before."""
     size = np.abs(rows[np.isfinite(rows)])
-    if len(size) and size.max() > 100 * (most := _MOST * max(float(np.quantile(size, 0.9)), 1e-9)):
+    if len(size) and size.max() > 4 * (most := _MOST * max(float(np.quantile(size, 0.9)), 1e-9)):
         ax.set_ylim(-most, most)

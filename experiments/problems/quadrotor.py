@@ -26,7 +26,10 @@ def rms_error(run: Run) -> float:
 
 def rms_input(run: Run) -> float:
     """Over samples: a tick's command is what is held one sample later."""
-    held = run.trajectory.held.clock.input.numpy()
+    clock = run.trajectory.held.clock
+    if clock is None:  # the same at all instants: no tick is told from another
+        return float("nan")
+    held = clock.input.numpy()
     u = held.reshape(len(held), -1)[1 : COUNT + 1]
     return float(np.sqrt(np.square(u).sum(-1).mean()))
 

@@ -104,7 +104,7 @@ def run_case(
     return CaseResult(
         ours=np.array(measured[0]),
         finer=np.array(measured[1]),
-        arrays=_thinned(run.arrays),
+        arrays=_kept(run),
         status="; ".join(run.trajectory.describe_status()),
         engine=run.trajectory.engine,
         dt=float(run.experiment.solver.dt),
@@ -137,8 +137,16 @@ def _measured(run: Run, measure: Callable[[Run], float] | None) -> float:
         return measure(run)
 
 
-def _thinned(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _kept(run: Run) -> dict[str, np.ndarray]:
+    """What a picture shows: `beside` are outputs of the other rollouts, by their references'."""
+    arrays = dict(run.arrays)
     stride = -(-len(arrays["t"]) // MOST_ROWS)
+    asked = [float(one.arrays["reference"][-1, 0]) for one in (run, *run.others)]
+    if run.others and all(asked):
+        columns = [one.arrays["output"][:, 0] for one in run.others]
+        arrays["beside"] = np.stack(
+            [y * asked[0] / size for y, size in zip(columns, asked[1:], strict=True)], axis=-1
+        )
     return {
         name: array if array.dtype.kind == "U" else array[::stride]
         for name, array in arrays.items()

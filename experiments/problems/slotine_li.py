@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import cast
 
 import numpy as np
+
+from mann_torch.plants import MechanicalPlant
 
 from .known import Case, Problem, at_most, closed, printed
 from .measures import largest, mark, simpson
@@ -21,7 +24,7 @@ def _filtered(run: Run, q: np.ndarray, qd: np.ndarray, t: np.ndarray) -> np.ndar
 
 def energies(run: Run) -> np.ndarray:
     """V = s' M s / 2 + sum of a~^2 / (2 gamma) at samples."""
-    plant, q = run.experiment.loop.plant, run.arrays["q"]
+    plant, q = cast(MechanicalPlant, run.experiment.loop.plant), run.arrays["q"]
     scenario = run.experiment.alone or run.experiment.scenario
     known = plant.coefficients(scenario.parameters)
     s = _filtered(run, q, run.arrays["qd"], run.arrays["t"])

@@ -37,6 +37,11 @@ class Row:
         gap = self.ours - self.known
         return gap / abs(self.known) if self.known else gap
 
+    @property
+    def margin(self) -> float:
+        """How far ours is in parts of what is allowed; NaN of a bound, and where nothing is run."""
+        return abs(self.ours - self.known) / self.within if self.within else float("nan")
+
 
 def rows_of(results: Mapping[tuple[str, str], CaseResult]) -> list[Row]:
     """Of all cases, in order."""
@@ -105,10 +110,9 @@ def markdown(problem: str, rows: Sequence[Row]) -> str:
 
 def csv_rows(rows: Sequence[Row]) -> list[list[object]]:
     """All of it as CSV."""
-    head = ["problem", *HEAD, "note"]
-    return [
-        head,
-        *(
+    found: list[list[object]] = [["problem", *HEAD, "note"]]
+    for row in rows:
+        found.append(
             [
                 row.problem,
                 row.case,
@@ -122,9 +126,8 @@ def csv_rows(rows: Sequence[Row]) -> list[list[object]]:
                 row.verdict,
                 row.note,
             ]
-            for row in rows
-        ),
-    ]
+        )
+    return found
 
 
 def _number(value: float) -> str:

@@ -92,6 +92,7 @@ class ProblemConfig:
 
     name: str | None = None
     names: list[str] = field(default_factory=list)  # constants to tune or differentiate by
+    effort_after: float = 10.0  # [s]
 
 
 @dataclass

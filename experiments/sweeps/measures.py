@@ -80,11 +80,13 @@ def _tune(record: Mapping[str, Any]) -> Measured:
     if tuned and None not in tuned:
         found["held_out_srmse"] = _one(np.mean(tuned))
     for name, value in record["constants"].items():
-        if isinstance(value, list):
-            places = itertools.product(range(len(value)), repeat=2)
+        if not isinstance(value, list):
+            found[name] = _one(value)
+        elif isinstance(value[0], list):
+            places = itertools.product(range(len(value)), range(len(value[0])))
             found |= {f"{name}_{i + 1}{j + 1}": _one(value[i][j]) for i, j in places if value[i][j]}
         else:
-            found[name] = _one(value)
+            found |= {f"{name}_{i + 1}": _one(each) for i, each in enumerate(value)}
     for verdict in record["held_out"]:
         start = f"{verdict['candidate']}_{verdict['scenario']}".replace(" ", "_")
         for name in ("srmse", "rate", "peak"):
@@ -116,6 +118,19 @@ def _reproduce(record: Mapping[str, Any]) -> Measured:
     }
 
 
+def _benchmarks(record: Mapping[str, Any]) -> Measured:
+    """How many numbers are off and agree; the largest deviations in parts of what may be."""
+    run = [row for row in record["rows"] if row["verdict"] != "not run"]
+    found = {
+        "off": _one(sum(row["verdict"] == "off" for row in run)),
+        "agree": _one(sum(row["verdict"] == "agrees" for row in run)),
+    }
+    for problem in dict.fromkeys(row["problem"] for row in run):
+        own = [row["margin"] for row in run if row["problem"] == problem]
+        found[f"margin_{problem}"] = _one(max((m for m in own if m is not None), default=None))
+    return found
+
+
 def _learning(record: Mapping[str, Any]) -> Measured:
     """Every measure of every variant, over seeds."""
     found = {}
@@ -133,6 +148,7 @@ READERS: dict[str, Callable[[Mapping[str, Any]], Measured]] = {
     "tune": _tune,
     "gradient_report": _gradient_report,
     "reproduce": _reproduce,
+    "benchmarks": _benchmarks,
     "recall": _learning,
     "online_regression": _learning,
     "tune_problems": _learning,

@@ -19,7 +19,7 @@ from mann_torch.errors import ConfigError
 from mann_torch.tuning import Ensemble, Score
 
 from ..building.controllers import paper_constants
-from ..building.ensembles import check_names, tuned_ensemble
+from ..building.ensembles import check_names, scenarios_of, tuned_ensemble
 from ..runs.intervals import Interval, interval
 from ..settings.checks import holds_truth
 from ..settings.machine import check_file
@@ -112,7 +112,8 @@ def compared(paths: Sequence[str]) -> list[Candidate]:
 def held_out_ensembles(cfg: TuneConfig, of: SetConfig) -> dict[str, Ensemble]:
     """One ensemble a scenario: all its draws. Raises `ConfigError`."""
     check_names("held_out", of.scenarios, of.draws)
-    return {name: tuned_ensemble(cfg, [name], of.draws) for name in of.scenarios}
+    names = scenarios_of(cfg, of)
+    return {name: tuned_ensemble(cfg, [name], of.draws) for name in names}
 
 
 def check_candidates(ensemble: Ensemble, candidates: Sequence[Candidate]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import torch
@@ -97,8 +97,11 @@ class Controller(Interface, DesignModule):
         return torch.Size()
 
     @classmethod
-    def fed(cls, n_outputs: int, n_measured: int) -> int:
-        """How many numbers the network of a controller that takes one is fed: what is measured."""
+    def fed(cls, n_outputs: int, n_measured: int, given: Mapping[str, Any]) -> int:
+        """How many numbers the network of a controller that takes one is fed: what is measured.
+
+        `given` are arguments of its constructor.
+        """
         return n_measured
 
     def check_fit(self, n_inputs: int, n_outputs: int) -> None:

@@ -133,7 +133,9 @@ class MetaAdaptive(AdaptiveController):
         q, qd = measurement.q, measurement.qd
         tracking: TrackingError = self.tracking(reference, measurement)
         seen, r = self._seen(tracking, reference, measurement), tracking.filtered_error
-        found: Approximation = self.approximator(seen.nn_input, r, q, state.adaptive, mode)
+        found: Approximation = self.approximator(
+            seen.nn_input, r, seen.context, state.adaptive, mode
+        )
         u = force = self.pushing(r, state.integral) + found.output
         if self.nominal is not None:
             pull = times_column(self.tracking.error_gain, tracking.error_rate)
@@ -162,7 +164,7 @@ class MetaAdaptive(AdaptiveController):
     def look(
         self, reference: ReferenceSample, measurement: Measurement, state: MetaAdaptiveState
     ) -> Look:
-        """x~, r, q and e."""
+        """x~, r, [q; qd], which state keys compare, and e."""
         return self._seen(self.tracking(reference, measurement), reference, measurement)
 
     def _seen(
@@ -170,7 +172,8 @@ class MetaAdaptive(AdaptiveController):
     ) -> Look:
         nn_input = self.inputs(tracking, reference, measurement)
         r = tracking.filtered_error
-        return Look(nn_input, r, measurement.q, tracking.error, measurement)
+        context = torch.cat([measurement.q, measurement.qd], dim=-1)
+        return Look(nn_input, r, context, tracking.error, measurement)
 
     def driven(
         self,

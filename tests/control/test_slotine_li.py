@@ -61,20 +61,6 @@ def test_an_integral_takes_a_push_away() -> None:
     assert caught < 1e-3 * off, (off, caught)
 
 
-@pytest.mark.slow
-def test_gradients_of_both_engines_agree() -> None:
-    found = []
-    for engine in ("torch", "compiled"):
-        controller = SlotineLi(ARM, AdaptiveLaw(ConstantGain([0.03, 0.05, 0.1, 0.3])), 8.0, 40.0)
-        freed = controller.tune("adaptation_rate", "error_gain", "feedback")
-        run = rolled(controller, 0.1, 2.0, engine=engine)
-        run.squared_error[-1].sum().backward()
-        found.append([p.grad for p in freed])
-    for one, other in zip(*found, strict=True):
-        assert float(one.abs().max()) > 0.0
-        torch.testing.assert_close(one, other, rtol=1e-10, atol=1e-18)
-
-
 def test_what_does_not_fit_is_named() -> None:
     with pytest.raises(ConfigError, match="TwoLinkArm has no regressor"):
         SlotineLi(TwoLinkArm())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import torch
@@ -122,7 +122,7 @@ class Mrac(MatrixConstants, AdaptiveController):
         return cls(gain, network, error_feedback=error_feedback, **parts)
 
     @classmethod
-    def fed(cls, n_outputs: int, n_measured: int) -> int:
+    def fed(cls, n_outputs: int, n_measured: int, given: Mapping[str, Any]) -> int:
         """State and command."""
         return n_measured + n_outputs
 

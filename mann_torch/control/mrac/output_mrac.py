@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import torch
@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ...checks import instance
 from ...errors import ShapeError
-from ...functional import Numbers
+from ...functional import Numbers, as_float64
 from ...memory import WorkingMemory
 from ...trees import portable
 from ...types import ControllerState, ControlOutput, Features, InputGains, Mode, ReferenceSample
@@ -74,9 +74,10 @@ class OutputMrac(AdaptiveController):
         self.approximator = Approximator(network, memory)
 
     @classmethod
-    def fed(cls, n_outputs: int, n_measured: int) -> int:
-        """Output and command: without filters."""
-        return n_measured + n_outputs
+    def fed(cls, n_outputs: int, n_measured: int, given: Mapping[str, Any]) -> int:
+        """Output, command, and what filters of both input and output have."""
+        rates = as_float64(given.get("filter_rates", ()), "filter_rates")
+        return n_measured + n_outputs + 2 * rates.numel()
 
     def check_fit(self, n_inputs: int, n_outputs: int) -> None:
         """Raise `ShapeError` unless there is one input and one output."""
