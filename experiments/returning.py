@@ -14,6 +14,7 @@ from typing import Any, cast
 
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from mann_torch.checks import NONNEGATIVE, number
 from mann_torch.errors import ConfigError
@@ -28,7 +29,7 @@ from .runs.parts import all_parts, npz_parts
 from .runs.pictures import check_pictures
 from .settings.checks import check_between, check_positive, check_variants
 from .settings.machine import check_memory, check_workers
-from .settings.returning_config import ReturningConfig
+from .settings.returning_config import ReturningConfig, WayConfig
 
 MOST_STEPS = 1_000_000
 
@@ -44,6 +45,7 @@ def checked(cfg: Any) -> ReturningConfig:
     plain = cast(ReturningConfig, OmegaConf.to_object(cfg))
     check_pictures(plain.output)
     check_variants(plain.variants, tuple(plain.ways))
+    plain.ways = {name: _way(name, node) for name, node in plain.ways.items()}
     check_between(plain, {"n_regimes": (2, 100), "visits": (2, 100)})
     check_between(plain, {"draws": (2, 10_000), "training": (1, 1000), "iterations": (1, 10_000)})
     check_between(plain, {"seed": (0, 2**20)})
@@ -72,6 +74,15 @@ def checked(cfg: Any) -> ReturningConfig:
             )
         check_memory("draws and visits", math.ceil(200 * steps * plain.draws * plain.workers))
     return plain
+
+
+def _way(name: str, node: Any) -> WayConfig:
+    """A way as its schema has it. Raises `ConfigError`."""
+    try:
+        merged = OmegaConf.merge(OmegaConf.structured(WayConfig), node)
+        return cast(WayConfig, OmegaConf.to_object(merged))
+    except (OmegaConfBaseException, ValueError, TypeError) as error:
+        raise ConfigError(f"ways.{name} = {node}: {str(error).splitlines()[0]}") from None
 
 
 def _task(cfg: Any) -> None:

@@ -20,8 +20,10 @@ class Registry(MutableMapping[str, type[Kind]], Generic[Kind]):
     that another has.
     """
 
-    def __init__(self, what: str, interface: type, own: Mapping[str, type[Kind]]) -> None:
-        self.what, self.group = what, f"mann_torch.{what.removesuffix('s')}s"
+    def __init__(
+        self, what: str, interface: type, own: Mapping[str, type[Kind]], several: str | None = None
+    ) -> None:
+        self.what, self.group = what, f"mann_torch.{several or what.removesuffix('s') + 's'}"
         self._interface, self._own = interface, dict(own)
         self._found: dict[str, EntryPoint] | None = None
 

@@ -107,7 +107,7 @@ HELP = {
         "Regimes of wing rock that return: plain law, concurrent learning and the paper's memory.",
         {
             "fewer": "variants=[plain,memory_5]",
-            "one more": "\"ways.mine.overrides=['memory.n_slots=9']\" 'variants=[plain,mine]'",
+            "one more": "'+ways.mine={overrides:[\"law.sigma.sigma=0.1\"]}' variants=[mine]",
             "longer": "visits=8 visit_length=20",
         },
     ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from .config import PicturesConfig
 
@@ -21,7 +22,7 @@ class ReturningConfig:
 
     variants: list[str] = field(default_factory=list)  # which of `ways`; the first is the baseline
     shared: list[str] = field(default_factory=list)  # settings of all, as `simulate` takes them
-    ways: dict[str, WayConfig] = field(default_factory=dict)
+    ways: dict[str, Any] = field(default_factory=dict)  # each a `WayConfig`
     n_regimes: int = 2
     visits: int = 4  # of each regime, in turn
     visit_length: float = 10.0  # [s]

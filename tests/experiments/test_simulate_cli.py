@@ -3,6 +3,7 @@
 import importlib
 import json
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -146,7 +147,7 @@ def test_every_scenario_and_key_rule_builds_and_steps(
 
 BAD = [
     ("scenario=7", "unknown scenario '7'; choose from 1, 1_long_arm, 2"),
-    ("controller=lstm", "choose from hard, linear_feedback, nn, reallocating_always"),
+    ("controller=lstm", "choose from computed_torque, estimator, hard, l1, linear_feedback"),
     ("keys=foo", "unknown keys 'foo'; choose from representation, state"),
     ("solver=rk5", "unknown solver 'rk5'"),
     ("plant.masses=[-0.8,2.3]", "masses"),
@@ -332,7 +333,7 @@ def test_the_error_of_one_bad_job_names_the_job(
         ("solver.dtt=1e-3", "did you mean solver.dt?"),
         ("dt=1e-3", "did you mean solver.dt?"),
         ("memory.zzz=1", "unknown setting 'memory.zzz'; choose from n_slots, reset of memory"),
-        ("zzz=1", "choose from plant, reference, controller"),
+        ("zzz=1", "choose from problem, plant, reference, controller"),
     ],
 )
 def test_a_typo_of_a_key_is_told_the_nearest_or_all(
@@ -550,7 +551,7 @@ def test_help_says_what_for_and_its_examples_compose(
     assert all(name in out for names in said.choices().values() for name in names)
     for example in said.examples.values():
         assert example in out
-        for overrides in jobs_of(quote_numeric_names(example.split())):
+        for overrides in jobs_of(quote_numeric_names(shlex.split(example))):
             mine = [o for o in overrides if not o.startswith("hydra/launcher=")]  # an extra
             cli.compose_job(command, mine)
 

@@ -76,7 +76,8 @@ def test_a_layer_made_in_float32_is_named_and_double_mends_it() -> None:
 def test_a_constant_written_over_in_float32_is_named() -> None:
     loop = make_loop("soft")
     loop.controller.memory.write_gain.data = torch.tensor(0.5)
-    with pytest.raises(mt.DtypeError, match=r"loop\.controller\.memory\.write_gain is torch.float"):
+    told = r"loop\.controller\.approximator\.memory\.write_gain is torch.float"
+    with pytest.raises(mt.DtypeError, match=told):
         mt.rollout(loop, make_scenario(0.02))
 
 

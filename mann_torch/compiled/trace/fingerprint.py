@@ -48,7 +48,8 @@ class Fingerprint:
 
     def _module(self, module: nn.Module, depth: int) -> Hashable:
         own = {k: v for k, v in vars(module).items() if k not in _SKIPPED}
-        parts = tuple((n, self.of(m, depth + 1)) for n, m in module.named_children())
+        # A part of a part, however deep, is no deeper a container.
+        parts = tuple((n, self.of(m, depth)) for n, m in module.named_children())
         none = tuple(n for n, p in module._parameters.items() if p is None)
         return (type(module), self.of(own, depth + 1), none, parts)
 

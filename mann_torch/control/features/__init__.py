@@ -16,6 +16,7 @@ BASES: Registry[Basis] = Registry(
     "basis",
     Basis,
     {"constant": Constant, "identity": Identity, "layers": Layers, "radial": RadialBasis},
+    several="bases",
 )
 NETWORKS: Registry[FeatureNetwork] = Registry(
     "network", FeatureNetwork, {"adaptive": AdaptiveNetwork, "linear": LinearNetwork}

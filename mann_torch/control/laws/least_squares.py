@@ -102,7 +102,7 @@ class LeastSquares(Gain):
 
     def _first(self, eye: Tensor) -> Tensor:
         """P(0) (..., N, N)."""
-        if self.domain("initial_gain").event_dims == 2:
+        if self._domains["initial_gain"].event_dims == 2:
             given: Tensor = getattr(self, "initial_gain")  # noqa: B009
             return given
         return self.per_estimate("initial_gain") * eye
