@@ -119,7 +119,6 @@ def _reproduce(record: Mapping[str, Any]) -> Measured:
 
 
 def _benchmarks(record: Mapping[str, Any]) -> Measured:
-    """How many numbers are off and agree; the largest deviations in parts of what may be."""
     """Numbers off and agreeing; of each problem the largest deviation in parts of what may be."""
     run = [row for row in record["rows"] if row["verdict"] != "not run"]
     found = {
