@@ -65,6 +65,7 @@ def test_segments_and_threads_give_the_same_bits(name: str) -> None:
         torch.testing.assert_close(spread[key], gradient, rtol=1e-12, atol=0)
 
 
+@pytest.mark.slow
 def test_constants_per_sample_have_gradients_of_their_own() -> None:
     made = case("soft", 0.3, batch=3)
     values = torch.tensor([0.5, 0.7, 0.9], dtype=torch.float64)

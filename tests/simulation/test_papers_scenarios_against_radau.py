@@ -43,6 +43,7 @@ def check(made: Side, run: mt.Trajectory, number: int) -> None:
     assert len(times) == 11 and worst <= 1e-6, worst
 
 
+@pytest.mark.slow
 def test_the_first_seconds_of_a_scenario_are_radaus() -> None:
     made, run = rolled_out("soft" + APART, ("5",), 6.0, 1e-4, "compiled")
     assert made.scenario.knots()[0] == 5.0
