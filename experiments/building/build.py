@@ -10,6 +10,7 @@ from typing import Any
 import torch
 
 from mann_torch import ClosedLoop, Scenario, Solver
+from mann_torch.checks import NONNEGATIVE, number
 from mann_torch.errors import ConfigError
 from mann_torch.functional import as_float64
 from mann_torch.plants import Plant
@@ -49,6 +50,7 @@ def build(cfg: SimulateConfig, draws: Sequence[int] | None = None) -> Experiment
     """
     draws = range(cfg.draws) if draws is None else draws
     check_draws(cfg, draws)
+    number("problem.effort_after", cfg.problem.effort_after, NONNEGATIVE)
     plant, parameters = build_plant(cfg.plant)
     check_rollouts(f"draws = {len(draws)}", cfg, plant, len(draws))
     alone = build_scenario(cfg, plant, parameters)

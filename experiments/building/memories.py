@@ -5,10 +5,12 @@ from __future__ import annotations
 import inspect
 from typing import Any
 
+from mann_torch.checks import choice, whole
 from mann_torch.memory import ATTENTIONS, KEY_RULES, WorkingMemory
+from mann_torch.memory.working_memory import RESETS
 
 from ..settings.config import LoopConfig, MannConfig
-from .made import made
+from .made import kind_of, made
 
 
 def attention_takes(settings: MannConfig) -> list[str]:
@@ -17,6 +19,13 @@ def attention_takes(settings: MannConfig) -> list[str]:
         return []
     taken = inspect.signature(ATTENTIONS[settings.attention]).parameters
     return [name for name in taken if name != "phase"]
+
+
+def check_slots(cfg: LoopConfig) -> None:
+    """Check what a memory is told, where a controller has none too. Raises `ConfigError`."""
+    whole("memory.n_slots", cfg.memory.n_slots)
+    choice("memory.reset", cfg.memory.reset, RESETS)
+    kind_of("keys", KEY_RULES, {"name": cfg.keys.name})
 
 
 def build_memory(

@@ -21,7 +21,7 @@ from ..settings.config import LoopConfig
 from .controller_kinds import kind_name, mann_settings
 from .laws import build_law
 from .made import arguments, every_argument, kind_of, made, mapping
-from .memories import build_memory
+from .memories import build_memory, check_slots
 from .networks import build_network
 from .plants import build_plant
 
@@ -44,6 +44,7 @@ def build_other(cfg: LoopConfig, plant: Plant) -> Controller:
 
     Raises `ConfigError`.
     """
+    check_slots(cfg)
     where, name = "controller", kind_name(cfg)
     kind = CONTROLLERS[name]
     takes = every_argument(kind)

@@ -56,6 +56,10 @@ LOOPS = (
     ),
     ("plant=wing_rock", "scenario=plain", "controller=linear_feedback", "reference=smooth_steps"),
     ("plant=planar_quadrotor", "scenario=plain", "controller=nn", "disturbance=wind"),
+    ("problem=wing_rock_concurrent", "controller.robust={sliding_gain:0.5,layer:0.1}"),
+    ("problem=quadrotor_learned", "controller.integral={integral_gain:0.2}"),
+    ("problem=limited_input", "law.least_squares={initial_gain:1.0}", "law.constant=null"),
+    ("plant=slotine_li_arm", "scenario=plain", "controller=slotine_li", "law=sigma"),
 )
 #: What only goes wrong together.
 TOGETHER = {
