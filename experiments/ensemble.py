@@ -38,6 +38,9 @@ from .settings.config import ScenarioLoopConfig, title_of
 from .settings.ensemble_config import EnsembleConfig
 from .settings.machine import check_workers
 
+#: Of conf/ensemble.yaml.
+PAPERS_SPREAD = ("masses", 0.2)
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -57,8 +60,9 @@ def checked(cfg: Any) -> EnsembleConfig:
     check_horizon(plain.horizon)
     check_workers(plain.workers)
     plant, _ = build_plant(plain.plant)
-    if plain.problem.name is not None:  # whose plant may lack what the paper's is spread by
-        plain.spread = {k: v for k, v in plain.spread.items() if k in plant.fields or k != "masses"}
+    if plain.problem.name is not None and "masses" not in plant.fields:
+        # What the file has is for the paper's plant; what anybody gives is refused.
+        plain.spread = {k: v for k, v in plain.spread.items() if (k, v) != PAPERS_SPREAD}
     spreads(plain.spread, plant)
     first, last = plain.first, plain.first + plain.rollouts - 1
     check_draws(plain, range(first, last + 1))
