@@ -6,11 +6,12 @@ import inspect
 from typing import Any
 
 from mann_torch.checks import choice, whole
+from mann_torch.errors import ConfigError
 from mann_torch.memory import ATTENTIONS, KEY_RULES, WorkingMemory
 from mann_torch.memory.working_memory import RESETS
 
 from ..settings.config import LoopConfig, MannConfig
-from .made import kind_of, made
+from .made import MOST, kind_of, made
 
 
 def attention_takes(settings: MannConfig) -> list[str]:
@@ -23,7 +24,8 @@ def attention_takes(settings: MannConfig) -> list[str]:
 
 def check_slots(cfg: LoopConfig) -> None:
     """Check what a memory is told, where a controller has none too. Raises `ConfigError`."""
-    whole("memory.n_slots", cfg.memory.n_slots)
+    if whole("memory.n_slots", cfg.memory.n_slots) > MOST:
+        raise ConfigError(f"memory.n_slots = {cfg.memory.n_slots}: at most {MOST}")
     choice("memory.reset", cfg.memory.reset, RESETS)
     kind_of("keys", KEY_RULES, {"name": cfg.keys.name})
 

@@ -19,7 +19,7 @@ SHARE = (6, 4, 2, 3, 4, 5, 5, 2, 2)
 #: Numbers that may be anything finite, or that nothing computes with.
 _ANY_SIGN = (
     *("amplitude", "frequency", "offset", "q", "qd", "paper", "paper_reduction", "phase"),
-    *("weights", "velocities", "accelerations", "centers", "times", "gravity"),
+    *("weights", "velocities", "accelerations", "centers", "times", "gravity", "start"),
 )
 #: Sizes that no machine has room for, and counts that no one lives to see the end of.
 _SIZES = (

@@ -103,7 +103,9 @@ class AdaptiveLaw(Law):
     def initial_state(
         self, n_features: int, n_outputs: int, batch_shape: Sequence[int]
     ) -> LawState | None:
-        """Of gain and terms; None where they keep nothing."""
+        """Of gain and terms; None where they keep nothing. Raises `ShapeError`."""
+        for part in self.parts:
+            part.check_width(n_features)
         sizes = (n_features, n_outputs, batch_shape)
         terms = [term.initial_state(*sizes) for term in self._terms()]
         state = LawState(self.gain.initial_state(*sizes), _chain(terms))

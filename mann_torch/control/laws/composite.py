@@ -35,6 +35,9 @@ class Composite(Term):
         """Of a row R."""
         return self.composite_gain.shape[-1] if self.domain("composite_gain").event_dims else None
 
+    def check_width(self, n_features: int) -> None:
+        """Nothing: R is of the rows of a pair."""
+
     def forward(self, drive: Drive, estimate: Tensor, state: Any, mode: Any) -> tuple[Tensor, Any]:
         """Phi_f R (y_f - Phi_f' theta) (..., N, m)."""
         pair = measured(drive)

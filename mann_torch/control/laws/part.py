@@ -9,6 +9,7 @@ from torch import Tensor
 
 from ...constraints import NonNegative
 from ...domains import Domain, NonNegativeRow
+from ...errors import ShapeError
 from ...functional import Numbers, as_float64
 from .drive import Drive, product
 from .keeping import Keeping
@@ -27,6 +28,13 @@ class LawPart(Keeping):
         width = rows.shape[-1:]
         domain: Domain = NonNegativeRow() if len(width) else NonNegative()
         self.declare(name, rows, domain, tuple(width))
+
+    def check_width(self, n_features: int) -> None:
+        """Raise `ShapeError` where a row or a matrix is not of N estimates."""
+        for name, domain in self._domains.items():
+            width = getattr(self, name).shape[-1:] if domain.event_dims else ()
+            if width and width[0] != n_features:
+                raise ShapeError(f"{name} has {width[0]} numbers: {n_features} are estimated")
 
     def per_estimate(self, name: str) -> Tensor:
         """Such a constant beside theta: (..., 1, 1) or (..., N, 1)."""

@@ -180,3 +180,13 @@ def test_what_does_not_go_together_is_named() -> None:
         LeastSquares(gain_bound=0.0)
     with pytest.raises(ConfigError, match="DREM of 7 estimates"):
         Drem().initial_state(7, 1, ())
+
+
+def test_rows_and_matrices_of_other_estimates_are_named() -> None:
+    for part, told in (
+        (SigmaModification([0.1, 0.2, 0.3]), "sigma has 3 numbers: 2 are estimated"),
+        (ConstantGain(torch.eye(3).double()), "adaptation_rate has 3 numbers"),
+        (LeastSquares([1.0, 2.0, 3.0]), "initial_gain has 3 numbers"),
+    ):
+        with pytest.raises(ShapeError, match=told):
+            AdaptiveLaw(part).initial_state(2, 1, ())
