@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from ..constraints import DesignModule, NonNegativeRow
+from ..errors import ShapeError
 from ..functional import Numbers, as_float64
 
 
@@ -26,7 +27,10 @@ class IntegralAction(DesignModule):
         self.declare("integral_gain", rows, NonNegativeRow(), (rows.shape[-1],))
 
     def initial_state(self, n_outputs: int, batch_shape: Sequence[int]) -> Tensor:
-        """z = 0 (..., m)."""
+        """z = 0 (..., m). Raises `ShapeError` where K_i is a row of another width."""
+        width = self.integral_gain.shape[-1]
+        if width not in (1, n_outputs):
+            raise ShapeError(f"integral_gain has {width} numbers: give 1 or {n_outputs}")
         return torch.zeros(*batch_shape, n_outputs, dtype=torch.float64)
 
     def forward(self, integral: Tensor) -> Tensor:
