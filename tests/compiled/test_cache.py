@@ -254,6 +254,7 @@ def lines_of(code: str, folder: str | Path) -> list[str]:
     return (done.stdout + done.stderr).splitlines()
 
 
+@pytest.mark.slow
 def test_many_processes_compile_once_and_a_killed_one_disturbs_none(tmp_path: Path) -> None:
     code = """
 assert ends([child() for _ in range(20)])

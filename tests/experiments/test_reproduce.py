@@ -47,6 +47,7 @@ def made_up(variant: str, scenarios: dict[str, list[list[float]]]) -> JobResult:
     return JobResult(job, srmse, srmse, zeros, zeros, ok, {}, "eager", 14)
 
 
+@pytest.mark.slow
 def test_every_experiment_file_runs_short(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

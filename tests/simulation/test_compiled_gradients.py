@@ -37,9 +37,8 @@ def gradients(made: Case, free: dict[str, Tensor], **options: object) -> dict[st
 QUICK = ("soft", "reallocating_always_state_keys")
 
 
-@pytest.mark.parametrize(
-    "name", [n if n == QUICK[1] else pytest.param(n, marks=pytest.mark.slow) for n in NAMES]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
 def test_equal_to_torch_autograd_over_two_seconds(name: str) -> None:
     made, free = freed(case(name, 2.0, batch=2))
     expected, found = (gradients(made, free, engine=engine) for engine in ("torch", "compiled"))

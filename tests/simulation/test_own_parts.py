@@ -186,6 +186,7 @@ def test_own_parts_run_compiled_and_agree_with_torch(name: str) -> None:
     assert reached >= 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [

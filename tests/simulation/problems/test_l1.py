@@ -66,6 +66,7 @@ def test_responses_to_steps_are_scaled_copies() -> None:
     assert float(run.states.controller.adaptation.estimate.abs().max()) <= 10.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["mrac", "l1"])
 def test_slow_estimates_do_not_scale(kind: str) -> None:
     """What makes them copies is the gain. At 1e4, MRAC's, too, are within 3e-7 of each other.
