@@ -192,7 +192,7 @@ def test_own_parts_run_compiled_and_agree_with_torch(name: str) -> None:
     [
         "euclidean on a circle",
         "3 links, always",
-        pytest.param("dragged arm", marks=pytest.mark.slow),
+        "dragged arm",
     ],
 )
 def test_events_of_own_parts_are_located_compiled(name: str) -> None:

@@ -40,7 +40,7 @@ def compare(controller: str, horizon: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("controller", [pytest.param("nn", marks=pytest.mark.slow), "soft"])
+@pytest.mark.parametrize("controller", ["nn", "soft"])
 def test_the_first_half_second_of_scenario_1(controller: str) -> None:
     compare(controller, 0.5)
 
