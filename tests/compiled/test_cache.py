@@ -303,6 +303,7 @@ def test_a_disk_that_is_really_full(tmp_path: Path) -> None:
         assert [line for line in found if line.startswith("[49")] == ["[49, 49] 1"] * 2
 
 
+@pytest.mark.slow
 def test_the_folder_of_a_killed_process_goes_with_the_next_and_a_living_ones_stays(
     tmp_path: Path,
 ) -> None:

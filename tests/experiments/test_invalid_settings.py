@@ -122,6 +122,7 @@ def unfolding(path: Path, draws: int) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_weights_file_that_unfolds_is_read_by_rows_or_refused(tmp_path: Path) -> None:
     large = unfolding(tmp_path / "large.npz", 200_000)
     assert large.stat().st_size < 1e6

@@ -228,6 +228,7 @@ def test_what_shows_too_late_is_refused(kind: type[mt.Plant], words: str) -> Non
         torch.autograd.grad(run.q.square().sum(), gain)
 
 
+@pytest.mark.slow
 def test_a_module_changed_later_changes_no_gradient() -> None:
     made, free = freed(case("reallocating_always", 0.3))
     memory = made.loop.controller.memory

@@ -77,7 +77,10 @@ def test_a_tuner_lowers_the_peak_error_of_whole_rollouts(engine: str) -> None:
     assert second["objective"] == float(ratio.mean())
 
 
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(
+    "mode",
+    [pytest.param(m, marks=pytest.mark.slow) if m in ("hybrid", "soft") else m for m in MODES],
+)
 def test_every_mode_minimises_a_judge_of_ones_own(mode: str) -> None:
     run = finished(tuned(Criterion(PEAK), mode=mode, iterations=3))
     assert run.history[-1]["objective"] < run.history[0]["objective"]

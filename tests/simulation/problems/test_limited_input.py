@@ -100,6 +100,7 @@ def test_limits_that_are_never_met_change_nothing(name: str) -> None:
     assert found_at(run, 20) == found_at(plain, 20)
 
 
+@pytest.mark.slow
 def test_hedging_takes_all_of_the_limits_out_of_the_error() -> None:
     """With the ideal gains nothing is to be learned, however long the input is at its limit."""
     run = limited("hedging", start=-6.0, gains=(-2.0, 1.0), model_start=-6.0)
