@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,17 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
     subprocess.run([*pip, "--target", str(base / "site"), str(source)], check=True)
     return base / "site"
+
+
+def test_every_package_is_shipped() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    found = {
+        ".".join(place.parent.relative_to(ROOT).parts)
+        for name in ("mann_torch", "experiments", "conf")
+        for place in (ROOT / name).rglob("__init__.py")
+    }
+    inside = {n if n.startswith("mann_torch") else f"mann_torch.{n}" for n in found}
+    assert inside == set(settings["packages"])
 
 
 def test_no_foreign_top_level_names(site: Path) -> None:
