@@ -1,9 +1,6 @@
 """docs/laws.md does what it says: its code runs as printed, compiled, and its table is whole."""
 
-import contextlib
-import io
 import re
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,21 +9,14 @@ from omegaconf import OmegaConf
 
 from mann_torch.control import LAW_PARTS, LAWS, AdaptiveLaw, ConstantGain, Drive
 from mann_torch.control.mann import MannController
+from tests.pages import executed, text_of
 
-PAGE = (Path(__file__).parent.parent / "docs" / "laws.md").read_text()
-SNIPPETS = re.findall(r"```python\n(.*?)```", PAGE, re.S)
+PAGE = text_of("laws.md")
 
 
 @pytest.fixture(scope="module")
 def page() -> dict[str, Any]:
-    """All that the page's snippets define, run in their order, and what they print."""
-    names: dict[str, Any] = {}
-    torch.manual_seed(0)
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        for snippet in SNIPPETS:
-            exec(compile(snippet, "docs/laws.md", "exec"), names)
-    return {**names, "printed": printed.getvalue()}
+    return executed("laws.md")
 
 
 def test_every_rollout_is_compiled(page: dict[str, Any]) -> None:

@@ -1,30 +1,18 @@
 """docs/plants.md does what it says: its code runs as printed, compiled, and its figures hold."""
 
-import contextlib
-import io
 import re
-from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
 
 import mann_torch as mt
-
-PAGE = (Path(__file__).parent.parent / "docs" / "plants.md").read_text()
-SNIPPETS = re.findall(r"```python\n(.*?)```", PAGE, re.S)
+from tests.pages import executed, snippets_of
 
 
 @pytest.fixture(scope="module")
 def page() -> dict[str, Any]:
-    """All that the page's snippets define, run in their order, and what they print."""
-    names: dict[str, Any] = {}
-    torch.manual_seed(0)
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        for snippet in SNIPPETS:
-            exec(compile(snippet, "docs/plants.md", "exec"), names)
-    return {**names, "printed": printed.getvalue()}
+    return executed("plants.md")
 
 
 def test_every_rollout_is_compiled(page: dict[str, Any]) -> None:
@@ -41,7 +29,7 @@ def test_the_adaptive_gains_are_the_published_ones(page: dict[str, Any]) -> None
 
 
 def test_the_controller_is_short_and_has_no_dummies() -> None:
-    (snippet,) = (s for s in SNIPPETS if "class LinearMrac" in s)
+    (snippet,) = (s for s in snippets_of("plants.md") if "class LinearMrac" in s)
     lines = [line for line in snippet.splitlines() if line.strip()]
     assert len(lines) < 25
     assert not {"NetworkState", "Features", "ControllerState"} & set(re.findall(r"\w+", snippet))

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from mann_torch import MeasurementNoise, PlantState, Scenario, Trajectory
+from mann_torch.plants import Plant
 from mann_torch.signals import Disturbance, Polynomial, Spline
 from mann_torch.tuning import Ensemble, Judged, Recording
 from mann_torch.types import ClockState
@@ -36,8 +37,9 @@ KEPT = Recording(motion_dt=1e9, sample_dt=0.01)
 def problem(cfg: ProblemTuningConfig) -> TunedProblem:
     """The authors' gains for problem 1 and their features, tuned gains, and both tuned."""
     made = build(composed(("problem=quadrotor_learned",)))
-    learned = splines(cfg.train, cfg.train_horizon, cfg.seed, light, cfg.noise)
-    tested = splines(cfg.held_out, 10.0, cfg.seed + 1_000_000, beta, cfg.noise)
+    plant = made.loop.plant
+    learned = splines(plant, cfg.train, cfg.train_horizon, cfg.seed, light, cfg.noise)
+    tested = splines(plant, cfg.held_out, 10.0, cfg.seed + 1_000_000, beta, cfg.noise)
     return TunedProblem(
         title="quadrotor in wind, random splines",
         unit="m, rad and their rates",
@@ -70,6 +72,7 @@ def _held_input(run: Trajectory) -> Tensor:
 
 
 def splines(
+    plant: Plant,
     count: int,
     horizon: float,
     seed: int,
@@ -78,7 +81,6 @@ def splines(
 ) -> Scenario:
     """Random walks from knot to knot, smooth to the fourth derivative; each starts on its own."""
     generator = torch.Generator().manual_seed(seed)
-    plant = build(composed(("problem=quadrotor_learned",))).loop.plant
     end = horizon * (1.0 + BEYOND)
     times = torch.linspace(0.0, end, KNOTS + 1, dtype=torch.float64)
     rows = [torch.zeros(count, 3, dtype=torch.float64)]

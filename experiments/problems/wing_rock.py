@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from scipy.interpolate import CubicSpline
 
-from mann_torch.control.mrac.lyapunov import lyapunov
+from mann_torch.control.lyapunov import lyapunov
 from mann_torch.plants import CHOWDHARY_JOHNSON
 
 from .known import Case, Known, Measure, Problem, closed, printed

@@ -14,9 +14,9 @@ from experiments.problem_tuning import quadrotor
 from experiments.problem_tuning.judging import PROBLEMS, judged_way
 from experiments.returns.regimes import regimes
 from experiments.returns.ways import after_changes
-from experiments.settings.problem_tuning_config import ProblemTuningConfig
+from experiments.settings.problem_tuning_config import TUNED_PROBLEMS, ProblemTuningConfig
 from experiments.settings.returning_config import ReturningConfig
-from mann_torch.plants import WingRock
+from mann_torch.plants import PlanarQuadrotor, WingRock
 from tests.experiments.command import exit_code
 
 SHORT = ProblemTuningConfig(train=4, train_horizon=2.5, held_out=6, iterations=10)
@@ -42,11 +42,11 @@ def test_a_quadrotors_gains_are_tuned_far_below_the_authors_at_no_more_effort() 
 
 
 def test_members_start_on_references_that_move_beyond_the_horizon() -> None:
-    scenario = quadrotor.splines(3, 10.0, 5, quadrotor.beta, [0.0, 0.0])
+    scenario = quadrotor.splines(PlanarQuadrotor(), 3, 10.0, 5, quadrotor.beta, [0.0, 0.0])
     begin, end = (scenario.reference(torch.tensor(t).double()) for t in (0.0, 10.0))
     assert torch.equal(scenario.start.q, begin.value) and torch.equal(scenario.start.qd, begin.rate)
     assert bool((end.rate != 0).all()) and end.value.shape == (3, 3)
-    again = quadrotor.splines(3, 10.0, 5, quadrotor.beta, [0.0, 0.0])
+    again = quadrotor.splines(PlanarQuadrotor(), 3, 10.0, 5, quadrotor.beta, [0.0, 0.0])
     assert torch.equal(end.value, again.reference(torch.tensor(10.0).double()).value)
 
 
@@ -120,5 +120,6 @@ def test_what_cannot_be_is_refused_in_one_line(
 
 
 def test_their_settings_compose() -> None:
+    assert tuple(PROBLEMS) == TUNED_PROBLEMS
     for command in ("tune_problems", "returning"):
         assert compose_job(command, [])

@@ -16,8 +16,8 @@ from ...trees import portable
 from ...types import ControlOutput, Mode, ReferenceSample
 from ..controller import Controller
 from ..laws import AdaptiveLaw, BoxProjection, ConstantGain, Law
+from ..lyapunov import error_gain_of
 from ..matrices import MatrixConstants
-from ..mrac.lyapunov import error_gain_of
 from .adaptation import L1Adaptation, PredictorGradient
 from .design import stable_pair
 from .piecewise_constant import PiecewiseConstant

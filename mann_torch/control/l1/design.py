@@ -8,6 +8,7 @@ from torch import Tensor
 from ...domains import Finite
 from ...errors import ConfigError, ShapeError
 from ...functional import Numbers, as_float64
+from ..lyapunov import check_stable
 
 
 def stable_pair(A_m: Numbers, B: Numbers) -> tuple[Tensor, Tensor]:
@@ -25,11 +26,3 @@ def stable_pair(A_m: Numbers, B: Numbers) -> tuple[Tensor, Tensor]:
     if int(torch.linalg.matrix_rank(b)) != b.shape[1]:
         raise ConfigError(f"B of shape {tuple(b.shape)} has dependent columns: inputs do the same")
     return A, b
-
-
-def check_stable(name: str, A: Tensor) -> float:
-    """Slowest decay [1/s] of exp(A t). Raises `ConfigError` where there is none."""
-    largest = float(torch.linalg.eigvals(A.detach()).real.max())
-    if largest >= 0:
-        raise ConfigError(f"{name} has an eigenvalue of real part {largest:.3g}: must be below 0")
-    return -largest

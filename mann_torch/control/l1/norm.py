@@ -10,7 +10,8 @@ from torch import Tensor
 from ...constraints import PositiveRow
 from ...errors import ConfigError, ShapeError
 from ...functional import Numbers, as_float64
-from .design import check_stable, stable_pair
+from ..lyapunov import check_stable
+from .design import stable_pair
 
 #: Steps of the grid in the time of the fastest mode, and their most.
 _FINE, _MOST = 32, 2_000_000

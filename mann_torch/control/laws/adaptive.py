@@ -50,7 +50,7 @@ class AdaptiveLaw(Law):
         for what, found in (("gain", gains), ("guard", guards)):
             if len(found) > 1:
                 told = " and ".join(type(part).__name__ for part in found)
-                raise ConfigError(f"parts hold {told}: a law has one {what}, the last word is one")
+                raise ConfigError(f"parts hold {told}: a law has one {what}")
         told_rows = sorted({part.rows for part in parts if part.rows is not None})
         if len(told_rows) > 1:
             raise ConfigError(

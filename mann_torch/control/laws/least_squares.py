@@ -42,8 +42,11 @@ class LeastSquares(Gain):
         reset_at: Numbers | None = None,
     ) -> None:
         super().__init__()
+        self.initial_gain: Tensor
         self.forgetting: Tensor
         self.gain_normalisation: Tensor
+        self.gain_bound: Tensor
+        self.reset_at: Tensor
         value = as_float64(initial_gain, "initial_gain")
         if value.dim() == 2:
             self.declare("initial_gain", value, SymmetricPositiveDefinite(), tuple(value.shape))
@@ -83,8 +86,8 @@ class LeastSquares(Gain):
         along = P @ drive.regressor
         forgetting = self.forgetting
         if self.bounded:
-            bound: Tensor = getattr(self, "gain_bound")  # noqa: B009 (declared or not)
-            forgetting = forgetting * (1.0 - P.square().sum(dim=(-2, -1)).sqrt() / bound)
+            size = P.square().sum(dim=(-2, -1)).sqrt()
+            forgetting = forgetting * (1.0 - size / self.gain_bound)
         rate = per_matrix(forgetting) * P - along @ along.mT / per_matrix(self._size(drive))
         return Covariance(rate if drive.share is None else per_matrix(drive.share) * rate)
 
@@ -96,15 +99,13 @@ class LeastSquares(Gain):
             return state, mode
         n = state.P.shape[-1]
         eye = torch.eye(n, dtype=state.P.dtype)
-        limit: Tensor = getattr(self, "reset_at")  # noqa: B009
-        small = (state.P * eye).sum(dim=(-2, -1)) / n <= limit
+        small = (state.P * eye).sum(dim=(-2, -1)) / n <= self.reset_at
         return Covariance(torch.where(per_matrix(small), self._first(eye), state.P)), mode
 
     def _first(self, eye: Tensor) -> Tensor:
         """P(0) (..., N, N)."""
         if self._domains["initial_gain"].event_dims == 2:
-            given: Tensor = getattr(self, "initial_gain")  # noqa: B009
-            return given
+            return self.initial_gain
         return self.per_estimate("initial_gain") * eye
 
     def _size(self, drive: Drive) -> Tensor:

@@ -20,11 +20,11 @@ from ..features import Approximation, Approximator, FeatureNetwork
 from ..integral import IntegralAction
 from ..labels import Labels
 from ..laws import Drive
+from ..lyapunov import error_gain_of
 from ..matrices import MatrixConstants
 from ..saturation import Saturation
 from .following import check_followed, followed
 from .known_feedback import KnownFeedback
-from .lyapunov import error_gain_of
 from .measured_state import check_measured_state, state_of
 
 
@@ -180,9 +180,12 @@ class Mrac(MatrixConstants, AdaptiveController):
         self, reference: ReferenceSample, seen: Look, found: Approximation, state: MracState
     ) -> Drive:
         """s, |e|, what the input lacks and what labels measure."""
+        return self._driven(seen, found, state, self._wanted(reference, seen, found, state))
+
+    def _driven(self, seen: Look, found: Approximation, state: MracState, wanted: Tensor) -> Drive:
         excess = pair = None
         if self.saturation is not None:
-            excess = self.saturation.excess(self._wanted(reference, seen, found, state))
+            excess = self.saturation.excess(wanted)
         hidden = found.features.hidden
         if self.labels is not None:
             pair = self.labels.pair(seen.measurement, seen.context, hidden, state.labels)
@@ -211,7 +214,7 @@ class Mrac(MatrixConstants, AdaptiveController):
             seen.nn_input, s, seen.context, state.adaptive, mode
         )
         wanted = u = applied = self._wanted(reference, seen, found, state)
-        drive = self.driven(reference, seen, found, state)
+        drive = self._driven(seen, found, state, wanted)
         adaptive = self.approximator.rates(found, drive, state.adaptive, mode)
         kept = filters = None
         if self.saturation is not None and drive.excess is not None:

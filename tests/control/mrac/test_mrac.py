@@ -10,7 +10,7 @@ from torch import Tensor
 
 import mann_torch as mt
 from mann_torch import control
-from mann_torch.control.mrac.lyapunov import lyapunov
+from mann_torch.control.lyapunov import lyapunov
 from mann_torch.errors import ConfigError, DomainError, ShapeError
 from mann_torch.plants import LinearPlant, RowState
 from mann_torch.signals import Disturbance, Polynomial, Sinusoids

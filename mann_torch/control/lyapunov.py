@@ -1,13 +1,13 @@
-"""The gain of the error that drives, from a Lyapunov equation."""
+"""Stable matrices, and the gain of the error that drives, from their Lyapunov equation."""
 
 from __future__ import annotations
 
 import torch
 from torch import Tensor
 
-from ...constraints import SymmetricPositiveDefinite
-from ...errors import DomainError, ShapeError
-from ...functional import Numbers, as_float64
+from ..constraints import SymmetricPositiveDefinite
+from ..errors import DomainError, ShapeError
+from ..functional import Numbers, as_float64
 
 
 def lyapunov(A: Tensor, Q: Tensor) -> Tensor:
@@ -17,6 +17,17 @@ def lyapunov(A: Tensor, Q: Tensor) -> Tensor:
     both = torch.kron(eye, rows) + torch.kron(rows, eye)
     P = torch.linalg.solve(both, -Q.reshape(-1)).reshape(n, n)
     return 0.5 * (P + P.mT)
+
+
+def check_stable(name: str, A: Tensor) -> float:
+    """Slowest decay [1/s] of exp(A t), (n, n). Raises `DomainError` where there is none."""
+    rates = torch.linalg.eigvals(A.detach()).real
+    if not bool((rates < 0).all()):
+        raise DomainError(
+            f"{name}: its eigenvalues have real parts {sorted(rates.tolist())}: what it moves must "
+            "decay, all of them must be < 0"
+        )
+    return -float(rates.max())
 
 
 def error_gain_of(
@@ -37,13 +48,7 @@ def error_gain_of(
         if K.shape != shape:
             raise ShapeError(f"error_feedback of shape {tuple(K.shape)}: give {tuple(shape)}")
         A = A - B @ K
-    rates = torch.linalg.eigvals(A.detach()).real
-    if not bool((rates < 0).all()):
-        what = "A" if error_feedback is None else "A - B K_e"
-        raise DomainError(
-            f"{what}: its eigenvalues have real parts {sorted(rates.tolist())}: the error of a "
-            "model that is followed must decay, all of them must be < 0"
-        )
+    check_stable("A" if error_feedback is None else "A - B K_e", A)
     spd = SymmetricPositiveDefinite()
     weight = spd.coerce(as_float64(Q, "Q"), A.shape)
     if weight.shape != A.shape:
