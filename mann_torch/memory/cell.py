@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, cast
+from collections.abc import Sequence
+from typing import cast
 
 import torch
 from torch import Tensor, nn
 
 from ..checks import flag, instance, sizes, whole
-from ..constraints import DesignModule, Positive
+from ..constraints import DesignModule, Positive, follow_dtype
 from ..errors import DtypeError
 from ..functional import Numbers
 from ..types import MemoryOutput, MemoryState
 from .attention import Attention
-from .cell_state import Attended, CellState, check_state, even, state_of
+from .cell_state import Attended, CellState, Looked, check_state, even, state_of
 from .checks import Sizes, autocast_is_on, check_tensor, check_within, common_batch
 from .keys import KeyRule
 from .soft import SoftAttention
-from .stepping import exponential_step
+from .stepping import exponential_step, share_of
 from .working_memory import WorkingMemory
 
 
@@ -49,8 +49,8 @@ class MemoryCell(DesignModule):
     Hard and reallocating attention choose: through the choice there is none (`relaxed(cell, T)`
     gives the smooth form of the same cell).
 
-    `dtype` is that of x and of what is returned (default: torch's), and `.float()` or
-    `.to(dtype)` change just that. Inside, parameters and state are float64, always.
+    `dtype` is that of x, of parameters and state, and of the arithmetic (default: torch's);
+    `.float()`, `.double()` and `.to(dtype)` change it.
 
     Raises `ConfigError` or `DomainError` for a setting, `ShapeError` or `DtypeError` for a tensor
     that does not fit.
@@ -79,14 +79,14 @@ class MemoryCell(DesignModule):
         dtype: torch.dtype | None = None,
     ) -> None:
         super().__init__()
-        double, input_size = torch.float64, whole("input_size", input_size)
+        input_size = whole("input_size", input_size)
         hidden_size, n_slots = whole("hidden_size", hidden_size), whole("n_slots", n_slots)
         context_size = None if context_size is None else whole("context_size", context_size)
         output_size = None if output_size is None else whole("output_size", output_size)
         self.input_size, self.hidden_size, self.n_slots = input_size, hidden_size, n_slots
-        self.dtype = torch.get_default_dtype() if dtype is None else dtype
-        if not isinstance(self.dtype, torch.dtype) or not self.dtype.is_floating_point:
-            raise DtypeError(f"dtype = {self.dtype}: must be a floating-point torch.dtype")
+        dtype = torch.get_default_dtype() if dtype is None else dtype
+        if not isinstance(dtype, torch.dtype) or not dtype.is_floating_point:
+            raise DtypeError(f"dtype = {dtype}: must be a floating-point torch.dtype")
         attention = SoftAttention() if attention is None else attention
         width = input_size if context_size is None else context_size
         self.memory = WorkingMemory(
@@ -94,20 +94,27 @@ class MemoryCell(DesignModule):
         )
         if features is None:
             features = nn.Sequential(nn.Linear(input_size, hidden_size), nn.Sigmoid())
-        self.features = instance("features", features, nn.Module).to(double)
+        self.features = instance("features", features, nn.Module)
         self.context: nn.Module = nn.Identity()
         if context_size is not None:
-            self.context = nn.Linear(input_size, context_size, dtype=double)
-        self.clock = nn.Linear(input_size, 1, dtype=double) if flag("clock", clock) else None
+            self.context = nn.Linear(input_size, context_size)
+        self.clock = nn.Linear(input_size, 1) if flag("clock", clock) else None
         self.output = None
         if output_size is not None:
-            self.output = nn.Linear(hidden_size, output_size, dtype=double)
+            self.output = nn.Linear(hidden_size, output_size)
         self.dt: Tensor
         self.declare("dt", dt, Positive())
         # Contents as c_w sigma has them, no two alike: equal slots would stay equal.
         gain = self.memory.write_gain.detach().mean()
-        self.slots = nn.Parameter(gain * torch.rand(n_slots, hidden_size, dtype=double))
+        self.slots = nn.Parameter(gain * torch.rand(n_slots, hidden_size, dtype=torch.float64))
         self.slot_keys = nn.Parameter(torch.randn_like(self.memory.initial_keys))
+        follow_dtype(self)
+        self.to(dtype)
+
+    @property
+    def dtype(self) -> torch.dtype:
+        """What this cell computes in."""
+        return self.slots.dtype
 
     def initial_state(self, batch_shape: Sequence[int] | int = ()) -> CellState:
         """State before the first step: `slots` and `slot_keys`, or what `memory.store_` kept."""
@@ -120,7 +127,7 @@ class MemoryCell(DesignModule):
 
     def initial_state_at(self, x: Tensor) -> CellState:
         """The paper's start: every slot c_w sigma at the first x (..., I), with fresh keys."""
-        hidden, context = self._look(x)
+        hidden, context, _ = self.look(x)
         return state_of(
             self.memory.initial_state(hidden, context), self.memory.initial_mode(x.shape[:-1])
         )
@@ -146,50 +153,89 @@ class MemoryCell(DesignModule):
         seen = self.attend(x, state, dt)
         return self.output_of(seen), self.write(seen, correction)
 
+    def look(self, x: Tensor, dt: Tensor | None = None) -> Looked:
+        """What a step makes of x (..., I) alone, for any number of steps at once.
+
+        `dt` (...,) replaces the constant. Raises `ShapeError`, `DtypeError`.
+        """
+        check_tensor("x", x, (self.input_size,), None)
+        loose = autocast_is_on(x.device)
+        if x.dtype != self.dtype and not loose:
+            raise DtypeError(
+                f"x is {x.dtype}, this cell takes {self.dtype}: convert x, or the cell with "
+                f".to({x.dtype})"
+            )
+        x = x.to(self.dtype)
+        span = self.dt if dt is None else dt
+        if self.clock is not None:
+            span = 2.0 * torch.sigmoid(self.clock(x).squeeze(-1)) * span
+        found = Looked(self.features(x), self.context(x), span)
+        return Looked(*(leaf.to(self.dtype) for leaf in found)) if loose else found
+
+    def seen(self, looked: Looked, state: CellState) -> tuple[Attended, CellState]:
+        """One step of what was looked at: all that depends on the state.
+
+        Nothing is checked: this is what a sequence compiles.
+        """
+        seen = self._attend(looked, state)
+        return seen, self._write(seen, None)
+
     def attend(self, x: Tensor, state: CellState, dt: Tensor | float | None = None) -> Attended:
         """Jump and read, the first half of a step: for a correction that depends on the read.
 
         Raises as `forward`.
         """
-        hidden, context = self._look(x, state)
-        span = self.dt if dt is None else self._span(dt, x, state)
-        memory, mode = self.memory.reallocate(hidden, context, state.memory, state.mode)
-        out = self.memory(hidden, torch.zeros_like(hidden), context, memory, mode)
-        after = state_of(memory, self.memory.note(out.weights, mode))
-        pace = self._pace(x)
-        return Attended(out.read, out.weights, hidden, context, out.d_memory, pace * span, after)
+        batch = self._batch(x, state)
+        return self._attend(self.look(x, None if dt is None else self._span(dt, batch)), state)
+
+    def _attend(self, looked: Looked, state: CellState) -> Attended:
+        memory, (hidden, context, span) = self.memory, looked
+        held, mode = memory.reallocate(hidden, context, state.memory, state.mode)
+        weights, read = memory.attend(hidden, context, held, mode)
+        after = state_of(held, memory.note(weights, mode))
+        return Attended(read, weights, hidden, context, span, after)
 
     def write(self, seen: Attended, correction: Tensor | None = None) -> CellState:
         """The second half: the write law over dt with the weights held. Raises as `forward`."""
         instance("seen", seen, Attended)
-        memory, change = seen.state.memory, seen.d_memory
         if correction is not None:
-            mode = seen.state.mode._replace(held=seen.weights)
-            bent = self._correction(correction, tuple(seen.weights.shape[:-1]))
-            change = self.memory(seen.hidden, bent, seen.context, memory, mode).d_memory
-        rate = self.memory.key_rule.rate(seen.weights)
-        mu = exponential_step(memory.mu, change.mu, seen.weights, seen.dt)
-        keys = exponential_step(memory.keys, change.keys, rate, seen.dt)
+            self._check_correction(correction, tuple(seen.weights.shape[:-1]))
+        return self._write(seen, correction)
+
+    def _write(self, seen: Attended, correction: Tensor | None) -> CellState:
+        held, rule, weights = seen.state.memory, self.memory.key_rule, seen.weights
+        share = share_of(weights, seen.dt).unsqueeze(-1)
+        mu = held.mu + share * self.memory.offset(seen.hidden, correction, held)
+        keys = held.keys
+        if keys.shape[-1]:
+            change = rule.derivative(weights, seen.context, held)
+            keys = exponential_step(keys, change, rule.rate(weights), seen.dt)
         return even(seen.state._replace(mu=mu, keys=keys))
 
     def output_of(self, seen: Attended) -> Tensor:
-        """h_o (..., N), or W'(sigma + h_o) + b_w (..., output_size), in `dtype`."""
+        """h_o (..., N), or W'(sigma + h_o) + b_w (..., output_size). Raises `KindError`."""
         instance("seen", seen, Attended)
-        out = seen.read if self.output is None else self.output(seen.hidden + seen.read)
-        return out.to(self.dtype)
+        return self.shown(seen.hidden, seen.read)
+
+    def shown(self, hidden: Tensor, read: Tensor) -> Tensor:
+        """The output of features and read (..., N), for any number of steps at once."""
+        return read if self.output is None else self.output(hidden + read)
 
     def flow(self, x: Tensor, state: CellState, correction: Tensor | None = None) -> MemoryOutput:
-        """Read, weights and d memory/dt at x (..., I), float64: the cell as a term of an ODE.
+        """Read, weights and d memory/dt at x (..., I): the cell as a term of an ODE.
 
         Nothing jumps: put `jump` between the pieces that a solver integrates. Raises as `forward`.
         """
-        hidden, context = self._look(x, state)
+        batch = self._batch(x, state)
+        # The clock scales time: rates are those of a step of unit length.
+        hidden, context, pace = self.look(x, torch.ones_like(self.slots[0, 0]))
         bent = torch.zeros_like(hidden)
         if correction is not None:
-            bent = self._correction(correction, self._batch(x, state))
+            self._check_correction(correction, batch)
+            bent = correction
         out = self.memory(hidden, bent, context, state.memory, state.mode)
-        pace = self._pace(x).unsqueeze(-1).unsqueeze(-1)
-        rates = MemoryState(pace * out.d_memory.mu, pace * out.d_memory.keys)
+        scale = pace.unsqueeze(-1).unsqueeze(-1)
+        rates = MemoryState(scale * out.d_memory.mu, scale * out.d_memory.keys)
         return MemoryOutput(out.read, out.weights, rates)
 
     def d_memory(
@@ -203,48 +249,27 @@ class MemoryCell(DesignModule):
 
         Raises as `forward`.
         """
-        hidden, context = self._look(x, state)
+        self._batch(x, state)
+        hidden, context, _ = self.look(x)
         return state_of(*self.memory.jump(hidden, context, state.memory, state.mode))
 
-    def _look(self, x: Tensor, *states: CellState) -> tuple[Tensor, Tensor]:
-        """The way in: features and context, float64, of an x and states that fit."""
-        check_tensor("x", x, (self.input_size,), None)
-        if x.dtype != self.dtype and not autocast_is_on(x.device):
-            raise DtypeError(
-                f"x is {x.dtype}, this cell takes {self.dtype}: convert x, or the cell with "
-                f".to({x.dtype})"
-            )
-        for state in states:
-            self._batch(x, state)
-        x = x.to(torch.float64)
-        return self.features(x), self.context(x)
+    def check_state(self, state: CellState) -> Sizes:
+        """Batch shape of a state of this cell. Raises `KindError`, `ShapeError`, `DtypeError`."""
+        tails = (tuple(self.slots.shape), tuple(self.slot_keys.shape), (self.n_slots,), (), (), ())
+        return check_state(state, tails, self.memory.attention.graded, self.dtype)
 
     def _batch(self, x: Tensor, state: CellState) -> Sizes:
-        """The batch shape of x and a checked state together."""
-        tails = (tuple(self.slots.shape), tuple(self.slot_keys.shape), (self.n_slots,), (), (), ())
-        held = check_state(state, tails, self.memory.attention.graded)
-        return common_batch({"x": tuple(x.shape[:-1]), "state": held})
+        """The batch shape of x and state together, both checked."""
+        shape = check_tensor("x", x, (self.input_size,), None)
+        return common_batch({"x": shape, "state": self.check_state(state)})
 
-    def _span(self, dt: Tensor | float, x: Tensor, state: CellState) -> Tensor:
+    def _span(self, dt: Tensor | float, batch: Sizes) -> Tensor:
         if isinstance(dt, int | float) and not isinstance(dt, bool):
-            dt = torch.as_tensor(dt, dtype=torch.float64)
+            dt = torch.as_tensor(dt, dtype=self.dtype)
         span = cast(Tensor, dt)  # as is checked next
-        check_within("dt", check_tensor("dt", span, (), None), self._batch(x, state))
-        return span.to(torch.float64)
+        check_within("dt", check_tensor("dt", span, (), None), batch)
+        return span.to(self.slots)
 
-    def _correction(self, correction: Tensor, batch: Sizes) -> Tensor:
-        found = check_tensor("correction", correction, (self.hidden_size,), None)
+    def _check_correction(self, correction: Tensor, batch: Sizes) -> None:
+        found = check_tensor("correction", correction, (self.hidden_size,), self.dtype)
         check_within("correction", found, batch)
-        return correction.to(torch.float64)
-
-    def _pace(self, x: Tensor) -> Tensor:
-        if self.clock is None:
-            return torch.ones_like(x[..., 0], dtype=torch.float64)
-        return 2.0 * torch.sigmoid(self.clock(x.to(torch.float64)).squeeze(-1))
-
-    def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Any:
-        """`.float()` and `.to(dtype)` set what goes in and comes out; inside stays float64."""
-        asked = {fn(torch.zeros((), dtype=kind)).dtype for kind in (torch.float32, torch.float64)}
-        if len(asked) == 1:
-            (self.dtype,) = asked
-        return super()._apply(fn, recurse)

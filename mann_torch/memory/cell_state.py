@@ -21,9 +21,9 @@ RANKS = (2, 2, 1, 0, 0, 0)
 class CellState(NamedTuple):
     """All that a cell carries from one step to the next; nothing but tensors."""
 
-    mu: Tensor  # (..., S, N) float64, slot contents
-    keys: Tensor  # (..., S, D) float64, keys with a motion of their own; D = 0 if there are none
-    active: Tensor  # (..., S) bool, slots in use; relaxed attention: float64 levels in [0, 1]
+    mu: Tensor  # (..., S, N) slot contents
+    keys: Tensor  # (..., S, D) keys with a motion of their own; D = 0 if there are none
+    active: Tensor  # (..., S) bool, slots in use; relaxed attention: levels in [0, 1]
     attended: Tensor  # (...,) int64, slot with the largest weight; -1 before the first step
     switches: Tensor  # (...,) int64, changes of the attended slot so far
     reallocations: Tensor  # (...,) int64, resets so far
@@ -43,14 +43,21 @@ class CellState(NamedTuple):
         return CellState(*(leaf.detach() for leaf in self))
 
 
+class Looked(NamedTuple):
+    """What a step takes of its x alone."""
+
+    hidden: Tensor  # (..., N) sigma
+    context: Tensor  # (..., C) what state keys compare
+    dt: Tensor  # (...,) the step
+
+
 class Attended(NamedTuple):
     """A look at the memory, and what writing to it needs."""
 
-    read: Tensor  # (..., N) float64, h_o
-    weights: Tensor  # (..., S) float64, w_r
-    hidden: Tensor  # (..., N) float64, sigma
-    context: Tensor  # (..., C) float64, what state keys compare
-    d_memory: MemoryState  # time derivative without a correction
+    read: Tensor  # (..., N) h_o
+    weights: Tensor  # (..., S) w_r
+    hidden: Tensor  # (..., N) sigma
+    context: Tensor  # (..., C) what state keys compare
     dt: Tensor  # (...,) the step
     state: CellState  # after the jump, before the step
 
@@ -74,19 +81,21 @@ def even(state: CellState) -> CellState:
     )
 
 
-def check_state(state: CellState, tails: Sequence[Sizes], graded: bool) -> Sizes:
-    """Batch shape of a state whose leaves end in `tails`, in their order.
+def check_state(
+    state: CellState, tails: Sequence[Sizes], graded: bool, dtype: torch.dtype
+) -> Sizes:
+    """Batch shape of a state whose leaves end in `tails`, in their order, numbers in `dtype`.
 
     Raises `KindError` for what is no state, `ShapeError`, `DtypeError` for a leaf that does not
     fit.
     """
     if not isinstance(state, CellState):
         raise KindError(f"state is {type(state).__name__}, not CellState: use initial_state")
-    double, count = torch.float64, torch.int64
-    dtypes = (double, double, double if graded else torch.bool, count, count, count)
+    count = torch.int64
+    dtypes = (dtype, dtype, dtype if graded else torch.bool, count, count, count)
     batch: Sizes | None = None
-    for name, leaf, tail, dtype in zip(state._fields, state, tails, dtypes, strict=True):
-        found = check_tensor(f"state.{name}", leaf, tail, dtype)
+    for name, leaf, tail, kind in zip(state._fields, state, tails, dtypes, strict=True):
+        found = check_tensor(f"state.{name}", leaf, tail, kind)
         if batch is not None and found != batch:
             raise ShapeError(f"batch shapes do not fit: state.mu {batch}, state.{name} {found}")
         batch = found

@@ -85,7 +85,7 @@ class WorkingMemory(DesignModule):
     def initial_mode(self, batch_shape: Sequence[int]) -> MemoryMode:
         """All slots active, or only the first where attention grows the set, or those stored.
 
-        Boolean, or float64 where attention is `graded`.
+        Boolean, or numbers where attention is `graded`.
         """
         batch_shape = sizes("batch_shape", batch_shape)
         fresh = torch.ones_like(self.initial_active)
@@ -94,7 +94,7 @@ class WorkingMemory(DesignModule):
         active = torch.where(self.has_contents, self.initial_active, fresh)
         active = active.expand(*batch_shape, -1).clone()
         if self.attention.graded:
-            active = active.to(torch.float64)
+            active = active.to(self.initial_mu.dtype)
         count = torch.zeros(batch_shape, dtype=torch.int64, device=active.device)
         return MemoryMode(active, count - 1, count, count.clone())
 
@@ -112,10 +112,23 @@ class WorkingMemory(DesignModule):
         """
         self._check(hidden, context, (memory, mode), corrections=(correction,))
         weights = self._attend(hidden, context, memory, mode)
-        target = self.write_gain.unsqueeze(-1) * hidden + correction
-        d_mu = weights.unsqueeze(-1) * (target.unsqueeze(-2) - memory.mu)
+        d_mu = weights.unsqueeze(-1) * self.offset(hidden, correction, memory)
         d_keys = self.key_rule.derivative(weights, context, memory)
         return MemoryOutput(row_times(weights, memory.mu), weights, MemoryState(d_mu, d_keys))
+
+    def attend(
+        self, hidden: Tensor, context: Tensor, memory: MemoryState, mode: MemoryMode
+    ) -> tuple[Tensor, Tensor]:
+        """Weights w_r (..., S) and read h_o (..., N) alone. Raises as `forward`."""
+        self._check(hidden, context, (memory, mode))
+        weights = self._attend(hidden, context, memory, mode)
+        return weights, row_times(weights, memory.mu)
+
+    def offset(self, hidden: Tensor, correction: Tensor | None, memory: MemoryState) -> Tensor:
+        """c_w sigma + W h_e' - mu_i (..., S, N): how far each slot is from what is written."""
+        target = self.write_gain.unsqueeze(-1) * hidden
+        target = target if correction is None else target + correction
+        return target.unsqueeze(-2) - memory.mu
 
     def jump(
         self, hidden: Tensor, context: Tensor, memory: MemoryState, mode: MemoryMode
@@ -224,7 +237,7 @@ class WorkingMemory(DesignModule):
         *held: tuple[MemoryState, MemoryMode],
         corrections: tuple[Tensor, ...] = (),
     ) -> None:
-        S, N, double = self.n_slots, self.n_hidden, torch.float64
+        S, N, double = self.n_slots, self.n_hidden, self.initial_mu.dtype
         wide = (self.context_width or instance("context", context, Tensor).shape[-1],)
         rows: list[Row] = [("features", hidden, (N,), double), ("context", context, wide, double)]
         for memory, mode in held:
