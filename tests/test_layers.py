@@ -13,7 +13,7 @@ BASE = {
     *("interface", "stiff", "registry"),
 }
 ALLOWED = {
-    "memory": BASE,
+    "memory": BASE | {"compiled"},
     "control": BASE | {"memory"},
     "plants": BASE,
     "signals": BASE,

@@ -219,7 +219,8 @@ class MemoryCell(DesignModule):
 
     def shown(self, hidden: Tensor, read: Tensor) -> Tensor:
         """The output of features and read (..., N), for any number of steps at once."""
-        return read if self.output is None else self.output(hidden + read)
+        found = read if self.output is None else self.output(hidden + read)
+        return found.to(self.dtype)
 
     def flow(self, x: Tensor, state: CellState, correction: Tensor | None = None) -> MemoryOutput:
         """Read, weights and d memory/dt at x (..., I): the cell as a term of an ODE.

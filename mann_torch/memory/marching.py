@@ -85,7 +85,7 @@ class Held(NamedTuple):
 
 def _rows(x: Tensor, event_dims: int, batch: torch.Size) -> Tensor:
     event = x.shape[x.dim() - event_dims :]
-    return x.expand(*batch, *event).reshape(batch.numel(), *event)
+    return x.expand((*batch, *event)).reshape(batch.numel(), *event)
 
 
 def run(
@@ -100,7 +100,7 @@ def run(
     segments = [leaf.reshape(T, B, *leaf.shape[1 + len(batch) :]) for leaf in looked]
     segments += [leaf.reshape(T, B).to(cell.dtype) for leaf in marks if leaf is not None]
     read = torch.zeros_like(looked.hidden[0]).detach()
-    carry = [leaf.reshape(B, *leaf.shape[len(batch) :]) for leaf in (read, *state)]
+    carry = [leaf.reshape((B, *leaf.shape[len(batch) :])) for leaf in (read, *state)]
     held = Held.of(cell, batch)
     program = _program(cell, held, segments, carry, marks)
     chosen = [held.rows[i] for i in program.used]
@@ -108,7 +108,7 @@ def run(
     wanted = tuple(i for i, c in enumerate(chosen) if c.requires_grad and grad)
     moving = tuple(i for i, s in enumerate(segments) if s.requires_grad and grad)
     constants = [
-        row.expand(B, *row.shape) if held.alone[i] else row
+        row.expand((B, *row.shape)) if held.alone[i] else row
         for i, row in zip(program.used, chosen, strict=True)
     ]
     slot = torch.full((T + 1,), -1, dtype=torch.int32)
@@ -136,7 +136,7 @@ def run(
     check_agreement(program, job.lanes_used, job.wanted if backward else None)
     found = march(job, *tensors)
     last = _leaves(program.layout, found.state_f[0], found.last_k)[1:]
-    last = [leaf.reshape(*batch, *leaf.shape[1:]).to(device) for leaf in last]
+    last = [leaf.reshape((*batch, *leaf.shape[1:])).to(device) for leaf in last]
     reads = found.motion.reshape(T, *batch, -1).to(device)
     return reads, CellState(*last)
 

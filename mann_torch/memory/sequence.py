@@ -147,7 +147,10 @@ class MemorySequence(nn.Module):
         if len(x) == 0:
             raise ShapeError("a sequence needs at least one step")
         state = cell.initial_state(x.shape[1:-1]) if state is None else state
-        batch = common_batch({"x": tuple(x.shape[1:-1]), "state": cell.check_state(state)})
+        shapes = {"x": tuple(x.shape[1:-1]), "state": cell.check_state(state)}
+        batch = common_batch({**shapes, "constants": tuple(cell.batch_shape())})
+        missing = len(batch) - (x.dim() - 2)  # fewer dimensions mean the same for all
+        x = x.reshape(len(x), *(1 for _ in range(missing)), *x.shape[1:])
         spans = self._per_step("dt", dt, x, batch)
         spans = None if spans is None else spans.to(cell.dtype)
         looked, shape = cell.look(x, spans), (len(x), *batch)
@@ -159,13 +162,13 @@ class MemorySequence(nn.Module):
             marks.append(None if found is None else found.expand(shape))
         return _Begun(
             Looked(
-                looked.hidden.expand(*shape, -1),
-                looked.context.expand(*shape, -1),
+                looked.hidden.expand((*shape, -1)),
+                looked.context.expand((*shape, -1)),
                 looked.dt.expand(shape),
             ),
             CellState(
                 *(
-                    leaf.expand(*batch, *leaf.shape[leaf.dim() - rank :])
+                    leaf.expand((*batch, *leaf.shape[leaf.dim() - rank :]))
                     for leaf, rank in zip(state, RANKS, strict=True)
                 )
             ),

@@ -92,8 +92,8 @@ def test_wrong_dtypes_and_kinds_are_named(attention: str, rule: str) -> None:
         cell(x.double(), state)
     other = torch.int64 if state.active.dtype == torch.bool else torch.bool
     for name, kind in (
-        ("mu", torch.float32),
-        ("keys", torch.float32),
+        ("mu", torch.float64),
+        ("keys", torch.float64),
         ("active", other),
         ("attended", torch.float64),
     ):
