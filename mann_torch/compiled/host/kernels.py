@@ -103,10 +103,10 @@ def _silent_stderr() -> Iterator[None]:
 
 
 @functools.cache
-def lanes_here() -> int:
-    """How many float64 lanes this machine computes side by side."""
+def lanes_here(bytes_each: int = 8) -> int:
+    """How many lanes of so many bytes, 8 for float64, this machine computes side by side."""
     capability = torch.backends.cpu.get_cpu_capability()
-    return {"AVX512": 8, "AVX2": 4}.get(capability, 2)
+    return {"AVX512": 64, "AVX2": 32}.get(capability, 16) // bytes_each
 
 
 class Kernel:
