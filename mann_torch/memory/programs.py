@@ -71,20 +71,33 @@ class Held(NamedTuple):
             list(found), list(found.values()), [events.get(n, t.dim()) for n, t in found.items()]
         )
 
-    def rows(self, batch: torch.Size) -> list[Tensor]:
-        """Each (B, *event)."""
-        return [
-            t.expand((*batch, *t.shape[t.dim() - event :])).reshape(
-                (batch.numel(), *t.shape[t.dim() - event :])
-            )
-            for t, event in zip(self.tensors, self.events, strict=True)
-        ]
+    def rows(self, batch: torch.Size) -> list[Row]:
+        """Each as it is where it is for all samples, else (B, *event)."""
+        return [_row(t, e, batch) for t, e in zip(self.tensors, self.events, strict=True)]
+
+
+class Row(NamedTuple):
+    """A constant: one value for all samples, (*event), or one each, (B, *event)."""
+
+    value: Tensor
+    shared: bool
+
+    def one(self) -> Tensor:
+        """As one sample has it."""
+        return self.value if self.shared else self.value[0]
+
+
+def _row(x: Tensor, event_dims: int, batch: torch.Size) -> Row:
+    if x.is_floating_point() and x.dim() == event_dims:
+        return Row(x, True)
+    event = x.shape[x.dim() - event_dims :]
+    return Row(x.expand((*batch, *event)).reshape((batch.numel(), *event)), False)
 
 
 class Rows(NamedTuple):
     """What a march takes, a row a sample."""
 
-    constants: list[Tensor]  # each (B, *event)
+    constants: list[Row]
     segments: list[Tensor]  # each (T, B, *event)
     carry: list[Tensor]  # each (B, *event); the first is what is kept of each step
 
@@ -93,7 +106,7 @@ def program_of(key: Hashable, prints: Fingerprint, step: Callable[[], Any], rows
     """The program of a step, traced once a process. Raises `UntraceableError`."""
     layout = Layout(
         clock=0,
-        constants=tuple(_leaf(c[0]) for c in rows.constants),
+        constants=tuple(_leaf(row.one(), row.shared) for row in rows.constants),
         segments=tuple(tuple(s.shape[2:]) for s in rows.segments),
         noise=(),
         carry=tuple(_leaf(c[0]) for c in rows.carry),
@@ -106,7 +119,7 @@ def program_of(key: Hashable, prints: Fingerprint, step: Callable[[], Any], rows
         if found is None:
             if len(_PROGRAMS) >= _MOST:
                 _PROGRAMS.clear()
-            one = [c[0] for c in rows.constants]
+            one = [row.one() for row in rows.constants]
             examples = [*one, *(s[0, 0] for s in rows.segments), *(c[0] for c in rows.carry)]
             try:
                 made: Program | UntraceableError = Program(
@@ -120,12 +133,13 @@ def program_of(key: Hashable, prints: Fingerprint, step: Callable[[], Any], rows
     return found[0]
 
 
-def job_of(program: Program, rows: Rows) -> tuple[Job, tuple[Tensor, Tensor, Tensor]]:
+def job_of(program: Program, rows: Rows) -> tuple[Job, tuple[Tensor, Tensor, Tensor, Tensor]]:
     """A march over the rows, and its tensors; every step's first number and the last state kept."""
     T, B = rows.segments[0].shape[:2]
     device, dtype = rows.carry[0].device, rows.carry[0].dtype
     grad = torch.is_grad_enabled()
-    constants = [rows.constants[i] for i in program.used]
+    used = [rows.constants[i] for i in program.used]
+    own = [row.value for row in used if not row.shared]
     slot = torch.full((T + 1,), -1, dtype=torch.int32)
     slot[T] = 0
     job = Job(
@@ -133,22 +147,23 @@ def job_of(program: Program, rows: Rows) -> tuple[Job, tuple[Tensor, Tensor, Ten
         clock=torch.zeros(T, 0, dtype=dtype),
         segment_of=torch.arange(T, dtype=torch.int32),
         noise=None,
-        whole=_flat([c for c in constants if not c.is_floating_point()], (B,), torch.int64),
+        whole=_flat([c for c in own if not c.is_floating_point()], (B,), torch.int64),
         carry_k=_flat([c for c in rows.carry if not c.is_floating_point()], (B,), torch.int64),
         motion_slot=torch.arange(-1, T, dtype=torch.int32),
         state_slot=slot,
         limit=float("inf"),
         tape_memory=_TAPE,
         wanted=(
-            tuple(i for i, c in enumerate(constants) if c.requires_grad and grad),
+            tuple(i for i, row in enumerate(used) if row.value.requires_grad and grad),
             tuple(i for i, s in enumerate(rows.segments) if s.requires_grad and grad),
         ),
         device="cpu" if device.type == "cpu" else f"cuda:{device.index or 0}",
     )
     return job, (
-        _flat([c for c in constants if c.is_floating_point()], (B,), dtype),
+        _flat([c for c in own if c.is_floating_point()], (B,), dtype),
         _flat(rows.segments, (T, B), dtype),
         _flat([c for c in rows.carry if c.is_floating_point()], (B,), dtype),
+        _flat([row.value for row in used if row.shared], (), dtype),
     )
 
 
@@ -168,6 +183,6 @@ def leaves_of(layout: Layout, f: Tensor, k: Tensor, batch: torch.Size) -> list[T
     return found
 
 
-def _leaf(x: Tensor) -> Leaf:
+def _leaf(x: Tensor, shared: bool = False) -> Leaf:
     kind = "f" if x.is_floating_point() else "b" if x.dtype == torch.bool else "i"
-    return Leaf(tuple(x.shape), kind)
+    return Leaf(tuple(x.shape), kind, shared)

@@ -94,7 +94,7 @@ class MemorySequence(nn.Module):
             return self._apart(begun)
         return self._run_now(begun)
 
-    @torch.compiler.disable
+    @torch.compiler.disable  # type: ignore[untyped-decorator]
     def _apart(self, begun: _Begun) -> tuple[Tensor, CellState, Taken]:
         """Outside what torch.compile compiles: written out, hundreds of steps take it minutes."""
         return self._run_now(begun)

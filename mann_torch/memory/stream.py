@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ..checks import instance, sizes
-from ..errors import ConfigError, DtypeError, KernelError, KindError, ShapeError
+from ..errors import ConfigError, DtypeError, ShapeError
 from .cell import MemoryCell
 from .cell_state import CellState
 

@@ -60,7 +60,7 @@ class Streamed:
         self._program, self._n_out = program, rows.carry[0].shape[1]
         self._x, self._dt = self._single.segments.split([cell.input_size, 1], dim=-1)
         self.size = self._single.size
-        self._known = self._versions()
+        self._known, self._out = self._versions(), (*batch, self._n_out)
 
     def _rows(self) -> Rows:
         cell, B = self._cell, self._batch.numel()
@@ -84,30 +84,33 @@ class Streamed:
         self, x: Tensor, state: Tensor, dt: Tensor | float | None
     ) -> tuple[Tensor, Tensor]:
         """Output (*batch, M) and the next state."""
-        with self._lock, torch.no_grad():
+        if x.requires_grad or state.requires_grad:
+            x, state = x.detach(), state.detach()
+        with self._lock:
             if self._versions() != self._known:
                 self._take_up()
-            self._x.copy_(x.view(self._x.shape))
+            self._x.copy_(x.reshape(self._x.shape))
             if dt is not None:
                 self._dt.copy_(self._span_of(dt))
             after = self._single(state)
             if dt is not None:
                 self._dt.copy_(self._span().unsqueeze(-1))
-            output = self._single.first(after, self._n_out)
-        return output.reshape((*self._batch, self._n_out)), after
+        output = self._single.first(after, self._n_out)
+        return output.reshape(self._out), after
 
+    @torch.no_grad()
     def _take_up(self) -> None:
         """Parameters that have changed since."""
         rows = self._rows()
         tensors = job_of(self._program, rows)[1]
-        self._single.renew(tensors[0])
+        self._single.renew(*tensors)
         self._dt.copy_(self._span().unsqueeze(-1))
         self._known = self._versions()
 
     def _span_of(self, dt: Tensor | float) -> Tensor:
         if isinstance(dt, Tensor) and dt.dtype != self._cell.dtype:
             raise DtypeError(f"dt is {dt.dtype}, this stream takes {self._cell.dtype}")
-        given = torch.as_tensor(dt, dtype=self._cell.dtype)
+        given = torch.as_tensor(dt, dtype=self._cell.dtype).detach()
         return given.expand(self._batch).reshape(-1, 1)
 
     def packed(self, state: CellState) -> Tensor:

@@ -137,6 +137,20 @@ class Kernel:
 
         return run
 
+    def single(self, table: Tensor, count: int) -> Callable[[], object]:
+        """A launch over the first `count` groups and the first step alone: no ado."""
+        import warp as wp
+
+        command = wp.launch(
+            self._made,
+            dim=count,
+            inputs=[wp.from_torch(table, dtype=wp.int64), 0, 0, 1],
+            device=self._device,
+            record_cmd=True,
+        )
+        launch: Callable[[], object] = command.launch
+        return launch
+
 
 def kernel(text: str, lanes: int, device: str = "cpu") -> Kernel:
     """The kernel of a text, compiled at most once a process.

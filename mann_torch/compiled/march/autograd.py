@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
-from torch.autograd.function import once_differentiable
 
+from ...errors import KernelError
 from .engine import Job, Marcher, Moved
 
 
@@ -47,10 +47,28 @@ class _March(torch.autograd.Function):
         return marcher.motion.cpu(), marcher.state_f.cpu()
 
     @staticmethod
-    @once_differentiable
     def backward(ctx: Any, motion: Tensor | None, state: Tensor | None) -> Any:
-        constants, segments, _, shared = ctx.saved_tensors
-        marcher: Marcher = ctx.marcher
+        return None, None, None, *_Slope.apply(ctx.marcher, *ctx.saved_tensors, motion, state)
+
+
+class _Slope(torch.autograd.Function):
+    """The gradient of a march, itself without one.
+
+    A function of all that the march took, so that whoever asks for a second derivative comes here:
+    past `once_differentiable`, `torch.autograd.grad` finds its way to a wrong one.
+    """
+
+    @staticmethod
+    def forward(
+        ctx: Any,
+        marcher: Marcher,
+        constants: Tensor,
+        segments: Tensor,
+        carry: Tensor,
+        shared: Tensor,
+        motion: Tensor | None,
+        state: Tensor | None,
+    ) -> Any:
         program = marcher.job.program
         found_c, found_s, start, sums = marcher.gradient(motion, state)
         wanted, moving = marcher.job.wanted
@@ -58,7 +76,13 @@ class _March(torch.autograd.Function):
         full_c[:, program.scope.constant_columns(wanted)] = found_c
         full_s[..., program.scope.segment_columns(moving)] = found_s
         full[program.scope.constant_columns(wanted, "shared")] = sums
-        return None, None, None, full_c, full_s, start, full
+        return full_c, full_s, start, full
+
+    @staticmethod
+    def backward(ctx: Any, *slopes: Tensor | None) -> Any:
+        raise KernelError(
+            "the compiled engine has first derivatives only: for second ones take engine='torch'"
+        )
 
 
 def march(
@@ -67,7 +91,7 @@ def march(
     """Run a job from `carry` (B, F); gradients reach it, constants (B, P), segments (S, B, Q).
 
     They reach `shared` (R,) too: constants that all samples share, side by side. All are of the
-    program's dtype. A second derivative is refused by torch. A second backward pass computes the
+    program's dtype. A second derivative raises `KernelError`. A second backward pass computes the
     same again.
     """
     box: list[Marcher] = []

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -197,6 +198,15 @@ class Marcher:
                 torch.cuda.synchronize(self.job.device)
 
         return run
+
+    def single(self) -> tuple[Callable[[], object], np.ndarray]:
+        """What runs the first step with little ado, and the table that it reads."""
+        text = self.job.program.forward(self._lanes)
+        room = self._heap(text.heap)
+        table = self._table(room, text.heap, (None,))
+        self._rooms = room, table
+        made = kernel(text.text, self._lanes, self.job.device)
+        return made.single(table, self._groups), table.numpy()
 
     @torch_on_one_thread()
     def gradient(
