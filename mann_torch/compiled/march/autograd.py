@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import torch
@@ -54,11 +55,23 @@ class _March(torch.autograd.Function):
         program = marcher.job.program
         found_c, found_s, start, sums = marcher.gradient(motion, state)
         wanted, moving = marcher.job.wanted
-        full_c, full_s, full = map(torch.zeros_like, (constants, segments, shared))
-        full_c[:, program.scope.constant_columns(wanted)] = found_c
-        full_s[..., program.scope.segment_columns(moving)] = found_s
-        full[program.scope.constant_columns(wanted, "shared")] = sums
-        return None, None, None, full_c, full_s, start, full
+        scope = program.scope
+        return (
+            None, None, None,
+            _spread(constants, found_c, lambda: scope.constant_columns(wanted)),
+            _spread(segments, found_s, lambda: scope.segment_columns(moving)),
+            start,
+            _spread(shared, sums, lambda: scope.constant_columns(wanted, "shared")),
+        )  # fmt: skip
+
+
+def _spread(like: Tensor, found: Tensor, columns: Callable[[], Tensor]) -> Tensor:
+    """Gradients of some columns, and zeros for the others."""
+    if found.shape == like.shape:  # all of them are wanted
+        return found
+    full = torch.zeros_like(like)
+    full[..., columns()] = found
+    return full
 
 
 def march(
