@@ -88,10 +88,15 @@ fn V tanh_(V x) {{
   V far = splat(1.0f) - splat(2.0f) / (e + splat(1.0f));
   return sel(lt(a, splat(0.625f)), near, copysign_(far, x));
 }}
-// Of -|x|: it neither overflows nor loses what is denormal.
+// Of -|x|: it neither overflows nor loses what is denormal. What 1 + e loses is made good.
 fn V sigmoid_(V x) {{
+  V one = splat(1.0f);
   V e = exp_(-abs_(x));
-  return sel(ge(x, splat(0.0f)), splat(1.0f), e) / (splat(1.0f) + e);
+  M up = ge(x, splat(0.0f));
+  V d = one + e;
+  V low = (one - d) + e;
+  V y = sel(up, one, e) / d;
+  return fma(y * low, -sel(up, y, one - y), y);
 }}
 // x = (1 + f) 2^k, denormal x included.
 fn V log_(V x) {{
