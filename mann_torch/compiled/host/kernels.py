@@ -23,6 +23,7 @@ from torch import Tensor
 
 from ...errors import KernelError
 from .cache import loaded_safely, temporary_folder
+from .launching import direct, launch, recorded, single
 
 log = logging.getLogger("mann_torch")
 #: Warp may be started, and a kernel built, by one thread at a time.
@@ -118,17 +119,12 @@ class Kernel:
     def prepared(self, table: Tensor, offset: int, count: int) -> Callable[[int, int], None]:
         """A launch over `count` groups from number `offset` on, to be run for ranges of steps.
 
-        Packing the arguments each time would take a millisecond.
+        The table must live as long. Packing the arguments each time would take a millisecond.
         """
-        import warp as wp
-
-        command = wp.launch(
-            self._made,
-            dim=count,
-            inputs=[wp.from_torch(table, dtype=wp.int64), offset, 0, 0],
-            device=self._device,
-            record_cmd=True,
-        )
+        found = direct(self._made, count) if self._device == "cpu" else None
+        if found is not None:
+            return launch(found, table, offset)
+        command = recorded(self._made, table, offset, count, self._device)
 
         def run(first: int, last: int) -> None:
             command.set_param_at_index(2, first)
@@ -150,6 +146,15 @@ class Kernel:
         )
         launch: Callable[[], object] = command.launch
         return launch
+
+    def single(self, table: Tensor) -> Callable[[], Any]:
+        """One step of one group, as often as it is called: nothing is packed or checked again.
+        The table, and what it points at, must live as long.
+        """
+        found = direct(self._made, 1) if self._device == "cpu" else None
+        if found is None:
+            return functools.partial(self.prepared(table, 0, 1), 0, 1)
+        return single(found, table)
 
 
 def kernel(text: str, lanes: int, device: str = "cpu") -> Kernel:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import torch
@@ -83,6 +84,23 @@ class _Slope(torch.autograd.Function):
         raise KernelError(
             "the compiled engine has first derivatives only: for second ones take engine='torch'"
         )
+        scope = program.scope
+        return (
+            None, None, None,
+            _spread(constants, found_c, lambda: scope.constant_columns(wanted)),
+            _spread(segments, found_s, lambda: scope.segment_columns(moving)),
+            start,
+            _spread(shared, sums, lambda: scope.constant_columns(wanted, "shared")),
+        )  # fmt: skip
+
+
+def _spread(like: Tensor, found: Tensor, columns: Callable[[], Tensor]) -> Tensor:
+    """Gradients of some columns, and zeros for the others."""
+    if found.shape == like.shape:  # all of them are wanted
+        return found
+    full = torch.zeros_like(like)
+    full[..., columns()] = found
+    return full
 
 
 def march(

@@ -178,11 +178,11 @@ class Scope:
 
     def sizes(self, back: Back) -> tuple[int, int, int]:
         """How many numbers of constants, of segments and of shared constants have gradients."""
-        constants, shared = (
-            len(self.constant_columns(back.constants, place)) for place in ("constant", "shared")
-        )
+        ends = {"constant": 0, "shared": 0}
+        for leaf in (self.layout.constants[i] for i in back.constants):
+            ends[leaf.place] += math.prod(leaf.shape)
         segments = (self.layout.segments[i] for i in back.segments)
-        return constants, sum(map(math.prod, segments)), shared
+        return ends["constant"], sum(map(math.prod, segments)), ends["shared"]
 
     def constant_columns(self, chosen: Sequence[int], place: str = "constant") -> Tensor:
         """Columns of the array of constants, or of shared ones, that the chosen ones take."""
