@@ -133,27 +133,14 @@ class Kernel:
 
         return run
 
-    def single(self, table: Tensor, count: int) -> Callable[[], object]:
-        """A launch over the first `count` groups and the first step alone: no ado."""
-        import warp as wp
+    def single(self, table: Tensor, count: int = 1) -> Callable[[], Any]:
+        """One step of `count` groups, as often as it is called: nothing is packed again.
 
-        command = wp.launch(
-            self._made,
-            dim=count,
-            inputs=[wp.from_torch(table, dtype=wp.int64), 0, 0, 1],
-            device=self._device,
-            record_cmd=True,
-        )
-        launch: Callable[[], object] = command.launch
-        return launch
-
-    def single(self, table: Tensor) -> Callable[[], Any]:
-        """One step of one group, as often as it is called: nothing is packed or checked again.
         The table, and what it points at, must live as long.
         """
-        found = direct(self._made, 1) if self._device == "cpu" else None
+        found = direct(self._made, count) if self._device == "cpu" else None
         if found is None:
-            return functools.partial(self.prepared(table, 0, 1), 0, 1)
+            return functools.partial(self.prepared(table, 0, count), 0, 1)
         return single(found, table)
 
 
