@@ -2,8 +2,8 @@
 
 The commonest have text of their own, at most 2 ulp; the methods are those of `exponentials` and
 `logarithms`, tanh's that of Cephes (tanhf.c). The others go by way of float64 lanes, `Wide`, half
-of the lanes at a time, and are all but rounded once; they are not inlined. Coefficients: weighted minimax fits (Lawson's
-iteration).
+of the lanes at a time, and are all but rounded once; they are not inlined. Coefficients: weighted
+minimax fits (Lawson's iteration).
 """
 
 from .polynomials import polynomial

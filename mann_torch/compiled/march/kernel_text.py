@@ -157,7 +157,7 @@ def _written(functions: Sequence[Function], lanes: int, layout: Layout) -> tuple
 
 def _struct(function: Function, lanes: int, layout: Layout) -> tuple[str, int]:
     real, shared = layout.real, layout.size("shared") > 0
-    writer = Writer(function.outputs, _UNROLL[lanes], real)
+    writer = Writer(function.outputs, _UNROLL[lanes], real, turned(real, shared))
     lines = writer.text()
     arrays = writer.plan.arrays
     total = sum(size for size, _ in arrays.values())
