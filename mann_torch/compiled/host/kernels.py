@@ -119,7 +119,7 @@ class Kernel:
     def prepared(self, table: Tensor, offset: int, count: int) -> Callable[[int, int], None]:
         """A launch over `count` groups from number `offset` on, to be run for ranges of steps.
 
-        The table must live as long. Packing the arguments each time would take a millisecond.
+        Packing the arguments each time would take a millisecond.
         """
         found = direct(self._made, count) if self._device == "cpu" else None
         if found is not None:
@@ -136,7 +136,7 @@ class Kernel:
     def single(self, table: Tensor, count: int = 1) -> Callable[[], Any]:
         """One step of `count` groups, as often as it is called: nothing is packed again.
 
-        The table, and what it points at, must live as long.
+        What the table points at must live as long.
         """
         found = direct(self._made, count) if self._device == "cpu" else None
         if found is None:

@@ -29,6 +29,7 @@ class Direct(NamedTuple):
         own = type(self.arguments).from_buffer_copy(self.arguments)
         own.pointers.data = table.data_ptr()
         own.offset = offset
+        own.table = table  # it lives as long
         return own
 
 

@@ -2,8 +2,8 @@
 
 The commonest have text of their own, at most 2 ulp; the methods are those of `exponentials` and
 `logarithms`, tanh's that of Cephes (tanhf.c). The others go by way of float64 lanes, `Wide`, half
-of the lanes at a time, and are all but rounded once. Coefficients: weighted minimax fits (Lawson's
-iteration).
+of the lanes at a time, and are all but rounded once; they are not inlined. Coefficients: weighted
+minimax fits (Lawson's iteration).
 """
 
 from .polynomials import polynomial
@@ -132,9 +132,9 @@ def singles(lanes: int) -> str:
         lines = [
             f"fn Wide::V widen(V a) {{ return {cast.format('a', 'Wide::V')}; }}",
             f"fn V narrow(Wide::V a) {{ return {cast.format('a', 'V')}; }}",
-            *(f"fn V {f}_(V x) {{ return narrow(Wide::{f}_(widen(x))); }}" for f in one),
+            *(f"slow V {f}_(V x) {{ return narrow(Wide::{f}_(widen(x))); }}" for f in one),
             *(
-                f"fn V {f}_(V x, V y) {{ return narrow(Wide::{f}_(widen(x), widen(y))); }}"
+                f"slow V {f}_(V x, V y) {{ return narrow(Wide::{f}_(widen(x), widen(y))); }}"
                 for f in two
             ),
         ]
@@ -152,12 +152,12 @@ def singles(lanes: int) -> str:
         f"  return {shuffle}({convert}(a, H), {convert}(b, H), {every});",
         "}",
         *(
-            f"fn V {f}_(V x) {{ return joined(Wide::{f}_(low(x)), Wide::{f}_(high(x))); }}"
+            f"slow V {f}_(V x) {{ return joined(Wide::{f}_(low(x)), Wide::{f}_(high(x))); }}"
             for f in one
         ),
     ]
     for f in two:
-        lines.append(f"fn V {f}_(V x, V y) {{")
+        lines.append(f"slow V {f}_(V x, V y) {{")
         parts = (f"Wide::{f}_({part}(x), {part}(y))" for part in ("low", "high"))
         lines += [f"  return joined({', '.join(parts)});", "}"]
     return _OWN + "\n".join(lines) + "\n"
