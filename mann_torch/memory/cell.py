@@ -17,6 +17,7 @@ from .attention import Attention
 from .cell_state import Attended, CellState, check_state, state_of
 from .cell_step import CellStep
 from .checks import Sizes, check_tensor, check_within, common_batch
+from .directions import Directions
 from .inertia import Inertia
 from .keys import KeyRule, RepresentationKeys, StateKeys
 from .soft import SoftAttention
@@ -47,7 +48,8 @@ class MemoryCell(CellStep):
 
     The defaults learn what `nn.LSTM` learns and what it does not (docs/memory.md); `paper` gives
     the paper's law. `key_rule` as in `WorkingMemory`, by default state keys, which compare x, or
-    `context_size` numbers that a linear layer makes of it. Where slots are written in turn, soft
+    `context_size` numbers that a linear layer makes of it, of them the direction alone with
+    `directions`. Where slots are written in turn, soft
     attention may favour them by age (`ages`). `features` replaces the first layer: any module
     (..., input_size) -> (..., hidden_size), with inertia what is inside the tanh.
 
@@ -80,6 +82,7 @@ class MemoryCell(CellStep):
         key_rule: KeyRule | None = None,
         *,
         context_size: int | None = 16,
+        directions: bool = True,
         output_size: int | None = None,
         features: nn.Module | None = None,
         inertia: bool = True,
@@ -99,7 +102,9 @@ class MemoryCell(CellStep):
             raise DtypeError(f"dtype = {dtype}: must be a floating-point torch.dtype")
         attention = SoftAttention() if attention is None else attention
         key_rule = StateKeys() if key_rule is None else key_rule
-        width = self._make_context(instance("key_rule", key_rule, KeyRule), context_size)
+        width = self._make_context(
+            instance("key_rule", key_rule, KeyRule), context_size, flag("directions", directions)
+        )
         self.memory = WorkingMemory(
             n_slots, hidden_size, attention, key_rule, width, write_gain, reset
         )
@@ -144,10 +149,10 @@ class MemoryCell(CellStep):
         """
         key_rule = RepresentationKeys() if key_rule is None else key_rule
         theirs: dict[str, Any] = {"inertia": False, "clock": False, "writing": "attended"}
-        theirs |= {"context_size": None, "write_gain": 0.75, **options}
+        theirs |= {"context_size": None, "directions": False, "write_gain": 0.75, **options}
         return cls(input_size, hidden_size, n_slots, attention, key_rule, **theirs)
 
-    def _make_context(self, key_rule: KeyRule, context_size: int | None) -> int:
+    def _make_context(self, key_rule: KeyRule, context_size: int | None, directions: bool) -> int:
         """What keys are compared with, and its width."""
         self.context = nn.Identity()
         if not key_rule.compares_context:
@@ -155,9 +160,8 @@ class MemoryCell(CellStep):
         if context_size is None:
             return self.input_size
         width = whole("context_size", context_size)
-        layer = nn.Linear(self.input_size, width)
-        nn.init.normal_(layer.weight, std=width**-0.25)  # inner products of one-hot x: about 4
-        self.context = layer
+        kind = Directions if directions else nn.Linear
+        self.context = kind(self.input_size, width)
         return width
 
     def _make_contents(self) -> None:
