@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Self, cast
+from typing import Any, Self
 
 import torch
 from torch import Tensor, nn
@@ -12,11 +12,11 @@ from ..checks import choice, flag, instance, sizes, whole
 from ..constraints import Positive, follow_dtype
 from ..errors import ConfigError, DtypeError
 from ..functional import Numbers
-from ..types import MemoryOutput, MemoryState
+from ..types import MemoryState
 from .attention import Attention
-from .cell_state import Attended, CellState, check_state, state_of
-from .cell_step import CellStep
-from .checks import Sizes, check_tensor, check_within, common_batch
+from .cell_flow import CellFlow
+from .cell_state import Attended, CellState, state_of
+from .checks import Sizes, check_tensor, common_batch
 from .directions import Directions
 from .inertia import Inertia
 from .keys import KeyRule, RepresentationKeys, StateKeys
@@ -25,7 +25,7 @@ from .working_memory import WorkingMemory
 from .writing import WRITINGS
 
 
-class MemoryCell(CellStep):
+class MemoryCell(CellFlow):
     """S slots of N numbers, read and written by attention, as a recurrent cell.
 
     One step with x (..., input_size):
@@ -49,8 +49,7 @@ class MemoryCell(CellStep):
     The defaults learn what `nn.LSTM` learns and what it does not (docs/memory.md); `paper` gives
     the paper's law. `key_rule` as in `WorkingMemory`, by default state keys, which compare x, or
     `context_size` numbers that a linear layer makes of it, of them the direction alone with
-    `directions`. Where slots are written in turn, soft
-    attention may favour them by age (`ages`). `features` replaces the first layer: any module
+    `directions`. `features` replaces the first layer: any module
     (..., input_size) -> (..., hidden_size), with inertia what is inside the tanh.
 
     Constants, frozen until `tune` names them: `dt` (in units of the write law's time constant, 1 s
@@ -172,9 +171,6 @@ class MemoryCell(CellStep):
         mu = gain * torch.rand(shape, dtype=torch.float64)
         self.slots = nn.Parameter(torch.zeros_like(mu) if in_turn else mu)
         self.slot_keys = nn.Parameter(torch.zeros_like(keys) if in_turn else torch.randn_like(keys))
-        soft = isinstance(self.memory.attention, SoftAttention)
-        ages = torch.zeros(self.n_slots, dtype=torch.float64)
-        self.register_parameter("ages", nn.Parameter(ages) if in_turn and soft else None)
 
     def initial_state(self, batch_shape: Sequence[int] | int = ()) -> CellState:
         """State before the first step: `slots` and `slot_keys`, or what `memory.store_` kept."""
@@ -238,69 +234,3 @@ class MemoryCell(CellStep):
         """h_o (..., N), or W'(sigma + h_o) + b_w (..., output_size). Raises `KindError`."""
         instance("seen", seen, Attended)
         return self.shown(seen.hidden, seen.read)
-
-    def flow(self, x: Tensor, state: CellState, correction: Tensor | None = None) -> MemoryOutput:
-        """Read, weights and d memory/dt at x (..., I): the cell as a term of an ODE.
-
-        Nothing jumps: put `jump` between the pieces that a solver integrates. Raises as `forward`.
-        """
-        batch = self._batch(x, state)
-        self._check_flows()
-        # The clock scales time: rates are those of a step of unit length.
-        looked = self.look(x, torch.ones_like(self.slots[0, 0]))
-        hidden, context = looked.hidden, looked.context
-        bent = torch.zeros_like(hidden)
-        if correction is not None:
-            self._check_correction(correction, batch)
-            bent = correction
-        out = self.memory(hidden, bent, context, state.memory, state.mode)
-        scale = self._span(looked, hidden).unsqueeze(-1).unsqueeze(-1)
-        rates = MemoryState(scale * out.d_memory.mu, scale * out.d_memory.keys)
-        return MemoryOutput(out.read, out.weights, rates)
-
-    def d_memory(
-        self, x: Tensor, state: CellState, correction: Tensor | None = None
-    ) -> MemoryState:
-        """d mu/dt (..., S, N) and d keys/dt (..., S, D), for a solver's right-hand side."""
-        return self.flow(x, state, correction).d_memory
-
-    def jump(self, x: Tensor, state: CellState) -> CellState:
-        """Attention's decisions alone: reallocation, and which slot is attended now.
-
-        Raises as `forward`.
-        """
-        self._batch(x, state)
-        self._check_flows()
-        looked = self.look(x)
-        found = self.memory.jump(looked.hidden, looked.context, state.memory, state.mode)
-        return state_of(*found, state.hidden, state.next)
-
-    def _check_flows(self) -> None:
-        if self.inertia is not None or self.writing == "next":
-            raise ConfigError(
-                "features with inertia and slots in turn go by steps; the term of an ODE is that "
-                "of the paper's law: MemoryCell.paper, or inertia=False and writing='attended'"
-            )
-
-    def check_state(self, state: CellState) -> Sizes:
-        """Batch shape of a state of this cell. Raises `KindError`, `ShapeError`, `DtypeError`."""
-        hidden = 0 if self.inertia is None else self.hidden_size
-        shapes = tuple(self.slots.shape), tuple(self.slot_keys.shape)
-        tails = ((hidden,), *shapes, (self.n_slots,), (), (), (), ())
-        return check_state(state, tails, self.memory.attention.graded, self.dtype)
-
-    def _batch(self, x: Tensor, state: CellState) -> Sizes:
-        """The batch shape of x and state together, both checked."""
-        shape = check_tensor("x", x, (self.input_size,), None)
-        return common_batch({"x": shape, "state": self.check_state(state)})
-
-    def _length(self, dt: Tensor | float, batch: Sizes) -> Tensor:
-        if isinstance(dt, int | float) and not isinstance(dt, bool):
-            dt = torch.as_tensor(dt, dtype=self.dtype)
-        span = cast(Tensor, dt)  # as is checked next
-        check_within("dt", check_tensor("dt", span, (), None), batch)
-        return span.to(self.slots)
-
-    def _check_correction(self, correction: Tensor, batch: Sizes) -> None:
-        found = check_tensor("correction", correction, (self.hidden_size,), self.dtype)
-        check_within("correction", found, batch)

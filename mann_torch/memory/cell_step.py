@@ -13,7 +13,7 @@ from .checks import autocast_is_on, check_tensor
 from .inertia import Inertia
 from .stepping import exponential_step, share_of
 from .working_memory import WorkingMemory
-from .writing import by_age, moved_on
+from .writing import moved_on
 
 
 class CellStep(DesignModule):
@@ -31,7 +31,6 @@ class CellStep(DesignModule):
     clock_feedback: nn.Linear | None  # (..., N) -> (..., 1), of features with inertia
     mix: nn.Linear | None  # (..., N) -> (..., N), of the read beside features with inertia
     output: nn.Linear | None  # (..., N) -> (..., output_size)
-    ages: Tensor | None  # (S,) what speaks for a slot by its age
     slots: Tensor  # (S, N)
     slot_keys: Tensor  # (S, D)
     dt: Tensor
@@ -100,8 +99,7 @@ class CellStep(DesignModule):
     def _attend(self, looked: Looked, state: CellState) -> Attended:
         memory, hidden = self.memory, self._hidden(looked, state)
         held, mode = memory.reallocate(hidden, looked.context, state.memory, state.mode)
-        bias = None if self.ages is None else by_age(self.ages, state.next)
-        weights, read = memory.attend(hidden, looked.context, held, mode, bias)
+        weights, read = memory.attend(hidden, looked.context, held, mode)
         own = hidden if self.inertia is not None else state.hidden
         after = state_of(held, memory.note(weights, mode), own, state.next)
         span = self._span(looked, hidden)

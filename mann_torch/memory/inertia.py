@@ -26,17 +26,17 @@ class Inertia(nn.Module):
     def __init__(self, input_size: int, hidden_size: int) -> None:
         super().__init__()
         self.pace = nn.Linear(input_size, hidden_size)
-        self.feedback = nn.Linear(hidden_size, 2 * hidden_size, bias=False)
+        self.feedback = nn.Linear(hidden_size, hidden_size, bias=False)
+        self.pace_feedback = nn.Linear(hidden_size, hidden_size, bias=False)
         self.first = nn.Parameter(2.0 * torch.rand(hidden_size) - 1.0)
         span = math.log(LONGEST) - math.log(SHORTEST)
         share = torch.exp(-(math.log(SHORTEST) + span * torch.rand(hidden_size))).clamp(max=MOST)
         with torch.no_grad():
             self.pace.bias.copy_(torch.logit(share))
-            for weight in (self.pace.weight, self.feedback.weight):
-                nn.init.uniform_(weight, -(hidden_size**-0.5), hidden_size**-0.5)
+            for layer in (self.pace, self.feedback, self.pace_feedback):
+                nn.init.uniform_(layer.weight, -(hidden_size**-0.5), hidden_size**-0.5)
 
     def forward(self, target: Tensor, pace: Tensor, before: Tensor) -> Tensor:
         """sigma (..., N) a step later, from a, b and sigma before, each (..., N)."""
-        back_target, back_pace = self.feedback(before).chunk(2, dim=-1)
-        moved = torch.tanh(target + back_target) - before
-        return before + torch.sigmoid(pace + back_pace) * moved
+        moved = torch.tanh(target + self.feedback(before)) - before
+        return before + torch.sigmoid(pace + self.pace_feedback(before)) * moved

@@ -63,7 +63,7 @@ def run(
     rows = Rows(held.rows(batch), segments, carry)
     prints = Fingerprint()
     inside = tuple((name, prints.of(cell.get_submodule(name))) for name in cell.stepped)
-    own = cell.writing, cell.ages is None
+    own = cell.writing
     key = (SequenceStep, type(cell), own, inside, tuple(m is None for m in marks))
     shown = 1 if cell.inertia is None else 2  # the read, and features that have a state
     program = program_of(key, prints, lambda: SequenceStep(cell, held.names, marks), rows, shown)

@@ -17,10 +17,7 @@ class SoftAttention(Attention):
 
     def forward(self, comparison: Comparison, active: Tensor) -> Tensor:
         """Weights (..., S) from the inner products of unscaled keys (..., S, D) and query."""
-        scores = times_column(comparison.keys, comparison.query)
-        if comparison.bias is not None:
-            scores = scores + comparison.bias
-        return masked_softmax(scores, active)
+        return masked_softmax(times_column(comparison.keys, comparison.query), active)
 
     def decide_shift(self, distances: Tensor, mode: MemoryMode) -> Shift | None:
         """Never shifts: None."""

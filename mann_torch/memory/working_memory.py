@@ -117,16 +117,11 @@ class WorkingMemory(DesignModule):
         return MemoryOutput(row_times(weights, memory.mu), weights, MemoryState(d_mu, d_keys))
 
     def attend(
-        self,
-        hidden: Tensor,
-        context: Tensor,
-        memory: MemoryState,
-        mode: MemoryMode,
-        bias: Tensor | None = None,
+        self, hidden: Tensor, context: Tensor, memory: MemoryState, mode: MemoryMode
     ) -> tuple[Tensor, Tensor]:
         """Weights w_r (..., S) and read h_o (..., N) alone. Raises as `forward`."""
         self._check(hidden, context, (memory, mode))
-        weights = self._attend(hidden, context, memory, mode, bias)
+        weights = self._attend(hidden, context, memory, mode)
         return weights, row_times(weights, memory.mu)
 
     def offset(self, hidden: Tensor, correction: Tensor | None, memory: MemoryState) -> Tensor:
@@ -224,17 +219,11 @@ class WorkingMemory(DesignModule):
         self.has_contents.fill_(True)
 
     def _attend(
-        self,
-        hidden: Tensor,
-        context: Tensor,
-        memory: MemoryState,
-        mode: MemoryMode,
-        bias: Tensor | None = None,
+        self, hidden: Tensor, context: Tensor, memory: MemoryState, mode: MemoryMode
     ) -> Tensor:
         if mode.held is not None:
             return mode.held
         comparison = self.key_rule.query_keys(hidden, context, memory, self.write_gain)
-        comparison = comparison if bias is None else comparison._replace(bias=bias)
         return cast(Tensor, self.attention(comparison, mode.active))
 
     def _check(
