@@ -9,7 +9,8 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from .engine import Job, Marcher, Moved
+from .engine import Job, Marcher
+from .layout import Moved
 
 
 class Marched(NamedTuple):
