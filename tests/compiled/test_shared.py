@@ -13,7 +13,8 @@ from torch import Tensor
 from mann_torch.compiled import Job, Layout, Leaf, Program, UntraceableError, march
 from mann_torch.compiled.host.kernels import kernel
 from mann_torch.compiled.march.agreement import check_agreement, one_step_job
-from mann_torch.compiled.march.engine import Marcher, Moved
+from mann_torch.compiled.march.engine import Marcher
+from mann_torch.compiled.march.layout import Moved
 
 DTYPES = (torch.float64, torch.float32)
 #: Rows and columns of a weight matrix: neither is a multiple of what is computed side by side.

@@ -54,7 +54,7 @@ def squeezed(shape: Shape) -> Shape:
     return tuple(n for n in shape if n != 1)
 
 
-def make_plan(outputs: Sequence[Output], blocks: bool) -> Plan:
+def make_plan(outputs: Sequence[Output], blocks: bool = False) -> Plan:
     """A schedule: scalars as soon as they can be, and loops with as much in them as fits.
 
     With `blocks`, products of matrices have loops of their own.

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from ...errors import KernelError
 from .engine import Job, Marcher, Moved
+from .layout import Moved
 
 
 class Marched(NamedTuple):

@@ -14,6 +14,9 @@ import torch
 
 #: Seconds that one launch should take: progress shows, and Ctrl-C is heard.
 PAUSE = 0.25
+#: Steps of the first launch, if a state and what a step needs are no more numbers than `SMALL`;
+#: and groups times steps of it, where nobody watches the progress.
+FIRST, SMALL, UNWATCHED = 64, 4096, 2048
 
 
 @contextmanager
@@ -59,6 +62,13 @@ def run_all(launches: Sequence[Callable[[int, int], None]], first: int, last: in
                 wait(done)
     for future in done:
         future.result()
+
+
+def first_steps(numbers: int, groups: float, watched: bool) -> int:
+    """Steps of the first launch, of so many numbers a step and groups a core."""
+    if numbers > SMALL:
+        return 1
+    return FIRST if watched else max(FIRST, int(UNWATCHED / groups))
 
 
 def run_in_pieces(

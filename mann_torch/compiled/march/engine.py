@@ -6,7 +6,6 @@ import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -14,20 +13,20 @@ from torch import Tensor
 
 from ...errors import KernelError
 from ..host.kernels import Kernel, kernel, on_stream
-from .cores import run_all, run_in_pieces, torch_on_one_thread
+from .cores import first_steps, run_all, run_in_pieces, torch_on_one_thread
+from .kernel_text import is_turned
+from .layout import Moved
 from .loop_forms import SHARED
 from .loop_text import FINE
 from .packing import from_lanes, lanes_for, padded, to_lanes
 from .program import Program
+from .rooms import ROOMS
 from .scope import Back
 
 #: Bytes of working memory, of a core and of all that work at a time.
 LIMIT = 2**32
-#: Steps of the first launch, if a state and what a step needs are no more numbers than `SMALL`;
-#: and groups times steps of it, where nobody watches the progress.
-FIRST, SMALL, UNWATCHED = 64, 4096, 2048
 #: Bytes of checkpoints, up to which there is one a step: no step is run again.
-EVERY_STEP = 2**25
+EVERY_STEP = 2**23
 
 
 @dataclass(frozen=True)
@@ -65,15 +64,6 @@ class Job:
         return len(self.clock)
 
 
-class Moved(NamedTuple):
-    """What gradients reach: see `autograd.march`."""
-
-    constants: Tensor
-    segments: Tensor
-    carry: Tensor
-    shared: Tensor
-
-
 class Marcher:
     """Buffers and launches of one march."""
 
@@ -88,7 +78,9 @@ class Marcher:
         count, groups = self._groups * lanes, self._groups
         f, k = layout.size("f"), layout.size("k")
         self._constants = to_lanes(constants, lanes).to(job.device)
-        self._segments = to_lanes(segments, lanes).to(job.device)
+        self._turned = is_turned(layout)
+        own = segments.contiguous() if self._turned else to_lanes(segments, lanes)
+        self._segments = own.to(job.device)
         # A copy: the backward pass reads it again, after an optimizer's step perhaps.
         self._shared = shared.to(job.device, copy=True).contiguous()
         self._whole = to_lanes(job.whole.to(real.whole_dtype), lanes).to(job.device)
@@ -117,6 +109,13 @@ class Marcher:
     def _empty(self, *shape: int) -> Tensor:
         return torch.empty(shape, dtype=self._real.dtype, device=self.job.device)
 
+    def _lent(self, *shape: int, whole: bool = False) -> Tensor:
+        """Memory of this march alone, which nothing that it gives away may share."""
+        dtype = self._real.whole_dtype if whole else self._real.dtype
+        if self.job.device != "cpu":
+            return torch.empty(shape, dtype=dtype, device=self.job.device)
+        return ROOMS.lend(self, shape, dtype)
+
     def _whole_empty(self, *shape: int) -> Tensor:
         return torch.empty(shape, dtype=self._real.whole_dtype, device=self.job.device)
 
@@ -129,8 +128,8 @@ class Marcher:
         while self._stride < steps and -(-steps // self._stride) * size > self.job.tape_memory:
             self._stride *= 2
         count = -(-steps // self._stride)
-        whole = self._whole_empty(count, groups, k, self._lanes)
-        self._kept = (self._empty(count, groups, f, self._lanes), whole)
+        whole = self._lent(count, groups, k, self._lanes, whole=True)
+        self._kept = (self._lent(count, groups, f, self._lanes), whole)
 
     def _table(self, heap: Tensor, vectors: int, more: Sequence[Tensor | None]) -> Tensor:
         """Numbers and pointers as `loop_text` reads them."""
@@ -169,7 +168,7 @@ class Marcher:
     def _heap(self, vectors: int) -> Tensor:
         users = 1 if self.job.device == "cpu" else self._groups
         try:
-            return self._empty(max(vectors, 1) * self._lanes * users)
+            return self._lent(max(vectors, 1) * self._lanes * users)
         except RuntimeError as error:
             size = self._heap_size(vectors) * users / 2**30
             raise KernelError(f"{size:.1f} GiB of working memory cannot be had") from error
@@ -183,12 +182,9 @@ class Marcher:
         run_in_pieces(job.n_steps, self._first(text.heap), run, job.progress)
 
     def _first(self, heap: int) -> int:
-        """Steps of the first launch."""
-        if heap + self.job.program.layout.size("f") > SMALL:
-            return 1
-        if self.job.progress is not None:
-            return FIRST
-        return max(FIRST, UNWATCHED * self._parts // self._groups)
+        numbers = heap + self.job.program.layout.size("f")
+        share = self._groups / self._parts
+        return first_steps(numbers, share, self.job.progress is not None)
 
     def _launch(
         self, made: Kernel, heap: int, more: Sequence[Tensor | None]
@@ -233,16 +229,18 @@ class Marcher:
         P, Q, R = job.program.scope.sizes(Back(*job.wanted))
         adj = torch.zeros_like(self._f)
         found_c = adj.new_zeros(self._groups, P, lanes)
-        found_s = adj.new_zeros(len(self._segments), self._groups, Q, lanes)
+        rows = (self.batch, Q) if self._turned else (self._groups, Q, lanes)
+        found_s = adj.new_zeros(len(self._segments), *rows)
         sums = adj.new_zeros(self._groups, R, lanes)
         given = [None if g is None else g.contiguous().to(job.device) for g in (motion, state)]
         run = self._launch(made, self._backward_heap(), (adj, found_c, found_s, *given, sums))
         blocks = -(-job.n_steps // self._stride)
         size = max(1, self._first(self._backward_heap() - R) // (4 * self._stride))
         run_in_pieces(blocks, size, lambda first, last: run(blocks - last, blocks - first))
-        found = (from_lanes(x, self.batch).cpu() for x in (found_c, found_s, adj, sums))
-        constants, segments, first_carry, each = found
-        return constants, segments, first_carry, each.sum(0)
+        found = (from_lanes(x, self.batch).cpu() for x in (found_c, adj, sums))
+        constants, first_carry, each = found
+        by_row = found_s if self._turned else from_lanes(found_s, self.batch)
+        return constants, by_row.cpu(), first_carry, each.sum(0)
 
     def last(self) -> tuple[Tensor, Tensor]:
         """The carry after the last step, (B, F) and (B, K)."""

@@ -101,18 +101,24 @@ def backward_text(
     loop = _marched([TOOLS, GATHER, COMMON, walk], layout, lanes)
     text = "\n".join([head, *bodies, *loop, "}"])
     f, k = layout.size("f"), layout.size("k")
-    own = f + sum(sizes) + (FINE + 1) * (f + k)
+    again = sizes.wanted_segment if is_turned(layout) else 0
+    own = f + sum(sizes) + again + (FINE + 1) * (f + k)
     return KernelText(text, _common_room(layout) + own + room)
 
 
 def _marched(parts: Sequence[str], layout: Layout, lanes: int) -> list[str]:
-    shared = layout.size("shared") > 0
-    turn = [turn_text(lanes)] if turned(layout.real, shared) else []
-    return [marched(part, layout.real, shared) for part in [*turn, *parts]]
+    turn = [turn_text(lanes)] if is_turned(layout) else []
+    return [marched(part, layout.real, layout.size("shared") > 0) for part in [*turn, *parts]]
+
+
+def is_turned(layout: Layout) -> bool:
+    """Whether segments and outputs lie as rows, a sample each, not in lanes."""
+    return turned(layout.real, layout.size("shared") > 0)
 
 
 def _common_room(layout: Layout) -> int:
-    return layout.size("f") + layout.size("k") + layout.size("noise")
+    segment = layout.size("segment") if is_turned(layout) else 0
+    return layout.size("f") + layout.size("k") + layout.size("noise") + segment
 
 
 def _head(layout: Layout, lanes: int, sizes: Sizes, skeleton: Skeleton | None) -> str:

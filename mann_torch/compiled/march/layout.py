@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
+from torch import Tensor
+
 from ..graph.nodes import Graph, Node, Shape
 from ..real import DOUBLE, Real
 
@@ -29,6 +31,15 @@ class Leaf(NamedTuple):
         if self.kind != "f":
             return "whole"
         return "shared" if self.shared else "constant"
+
+
+class Moved(NamedTuple):
+    """The arrays of a march that gradients reach: see `autograd.march`."""
+
+    constants: Tensor
+    segments: Tensor
+    carry: Tensor
+    shared: Tensor
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,25 @@ _ROWS = r"""
       for (int l = 0; l < LANES && (long long)g * LANES + l < B; ++l) {
 """
 _FROM = "        const double* from = @ + (long long)g * LANES + l) * #;"
-# Number by number -> in squares.
+_END = "g_state, state_slot[0], B, g);\n}\n"
+# Number by number -> in squares; segments, and sums of their gradients, in lanes -> as they are.
 _TURNED = {
+    "V* const g_segments = (V*)table[29];\n": """double* const g_segments = (double*)table[29];
+V* const sum_room = heap; heap += N_WANTED_SEGMENT;
+long long held_sum = -1;
+""",
+    "g_segments + ((long long)segment_of[s] * G + g) * N_WANTED_SEGMENT": (
+        "Turn::sums(sum_room, held_sum, segment_of[s], g_segments, B, g)"
+    ),
+    _END: _END + "Turn::sums(sum_room, held_sum, -1, g_segments, B, g);\n",
+    "const V* const segments = (const V*)": "const double* const segments = (const double*)",
+    "V* const noise = heap; heap += N_NOISE;\n": """V* const noise = heap; heap += N_NOISE;
+V* const segment_room = heap; heap += N_SEGMENT;
+long long held_segment = -1;
+""",
+    "segments + ((long long)segment_of[s] * G + g) * N_SEGMENT": (
+        "Turn::segment(segment_room, held_segment, segment_of[s], segments, B, g)"
+    ),
     _ROWS
     + """        double* out = motion + ((long long)row * B + (long long)g * LANES + l) * N_MOTION;
         for (int e = 0; e < N_MOTION; ++e) out[e] = Watch::get(f[e], l);

@@ -22,6 +22,45 @@ $SQUARE  }
     for (int l = 0; l < LANES && l < live; ++l)
       for (int e = first; e < n; ++e) rows[(long long)l * n + e] = get(f[e], l);
   }
+  // The inverse: the last sample's numbers where lanes are left over.
+  static inline CUDA_CALLABLE void in(V* f, const double* rows, int n, long long live) {
+    int first = 0;
+    if (live >= LANES)
+      for (; first + LANES <= n; first += LANES) {
+        V x[LANES];
+        #pragma unroll
+        for (int l = 0; l < LANES; ++l) memcpy(x + l, rows + (long long)l * n + first, sizeof(V));
+        square(x);
+        #pragma unroll
+        for (int l = 0; l < LANES; ++l) f[first + l] = x[l];
+      }
+    for (int l = 0; l < LANES; ++l) {
+      const double* const own = rows + (l < live ? l : live - 1) * n;
+      for (int e = first; e < n; ++e) put(f[e], l, own[e]);
+    }
+  }
+  // Row `row` of the segments as lanes.
+  static inline CUDA_CALLABLE const V* segment(V* room, long long& held, long long row,
+                                               const double* segments, long long B, int g) {
+    const double* const rows = segments + (row * B + (long long)g * LANES) * N_SEGMENT;
+    if (LANES == 1) return (const V*)rows;
+    if (held != row) in(room, rows, N_SEGMENT, B - (long long)g * LANES);
+    held = row;
+    return room;
+  }
+  // Where the gradient to row `row` is summed; the row before goes where it belongs. -1: no more.
+  static inline CUDA_CALLABLE V* sums(V* room, long long& held, long long row, double* segments,
+                                      long long B, int g) {
+    const int n = N_WANTED_SEGMENT;
+    double* const rows = segments + (long long)g * LANES * n;
+    if (LANES == 1) return (V*)(rows + row * B * n);
+    const long long live = B - (long long)g * LANES;
+    if (held == row) return room;
+    if (held >= 0) out(rows + held * B * n, room, n, live);
+    if (row >= 0) in(room, rows + row * B * n, n, live);
+    held = row;
+    return room;
+  }
   static inline CUDA_CALLABLE void add(V* f, const double* rows, int n, long long live) {
     int first = 0;
     if (LANES > 1 && live >= LANES)
