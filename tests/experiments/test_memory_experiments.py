@@ -7,11 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from torch import nn
-
-from experiments import online_regression, recall
-from experiments.learning.online_learners import draw_stream
-from experiments.learning.online_measures import measured
 from experiments.learning.recall_models import (
     Recurrent,
     build_model,
@@ -19,6 +14,11 @@ from experiments.learning.recall_models import (
     sequences,
     without_keys,
 )
+from torch import nn
+
+from experiments import online_regression, recall
+from experiments.learning.online_learners import draw_stream
+from experiments.learning.online_measures import measured
 from experiments.learning.report import Measure, compare, verdict
 from experiments.settings.memory_config import (
     LEARNERS,
