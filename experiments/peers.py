@@ -89,18 +89,18 @@ def _check_tasks(cfg: PeersConfig) -> None:
 
 
 def _bytes_needed(cfg: PeersConfig, name: str) -> float:
-    """Of float32: inputs of a batch or a test, what the memories of every step of it hold."""
+    """Of float32: inputs and features of what is drawn at once, the memories of a batch's steps."""
     settings: TaskConfig = getattr(cfg, name)
-    # Composed without drawing: one sequence tells the steps.
     steps = {
         "recall": 2 * cfg.recall.n_pairs,
         "copy": 2 * cfg.copy.length + cfg.copy.gap,
         "gap": cfg.gap.longest,
         "returning": cfg.returning.steps,
     }[name]
-    inputs = max(settings.batch * cfg.every, cfg.tested) * steps * TASKS[name](cfg).n_inputs
+    drawn = max(settings.batch * min(cfg.every, settings.iterations), cfg.tested, cfg.evaluated)
+    inputs = drawn * steps * (2 * TASKS[name](cfg).n_inputs + cfg.hidden_size)
     kept = settings.batch * steps * cfg.n_slots * cfg.hidden_size
-    return 4.0 * min(cfg.workers, len(cfg.variants) * cfg.seeds) * (2 * inputs + kept)
+    return 4.0 * min(cfg.workers, len(cfg.variants) * cfg.seeds) * (inputs + kept)
 
 
 def pictures(cfg: PeersConfig, found: Found) -> dict[str, Figure]:

@@ -55,6 +55,8 @@ def learning_curves(cfg: PeersConfig, found: Found) -> Figure:
             for (_, score), style in zip(known.items(), (":", "--"), strict=False):
                 ax.axhline(score, color="0.4", lw=0.8, ls=style)
             ax.set_xlabel(label)
+        if not task.lower_is_better:
+            left.set_ylim(-0.03, 1.03)
         left.set_title(name)
         left.set_ylabel(task.measure)
         right.set_title(", ".join(known), fontsize="small", color="0.4")
@@ -65,13 +67,19 @@ def learning_curves(cfg: PeersConfig, found: Found) -> Figure:
 
 
 def _draw(ax: Axes, cfg: PeersConfig, found: Found, name: str, of: str) -> None:
+    from matplotlib.ticker import LogFormatter
+
     colours = dict(zip(cfg.variants, MORE_COLOURS, strict=False))
     for variant, runs in found[name].items():
-        # From the first evaluation on: a logarithmic axis has no 0.
-        ends = [getattr(run, of)[-1] for run in runs]
-        first = min(getattr(run, of)[1] for run in runs)
-        grid = np.geomspace(max(first, 1e-6), max(max(ends), 1e-6), POINTS)
+        # From the first evaluation on, as a logarithmic axis has no 0, and on beyond the last.
+        moments = np.concatenate([getattr(run, of)[1:] for run in runs])
+        if not moments.size:  # diverged before it began
+            continue
+        grid = np.geomspace(moments.min(), 1.3 * moments.max(), POINTS)
         mean, half = curves_over(runs, grid, of)
         ax.plot(grid, mean, lw=1.3, color=colours[variant], label=variant)
         ax.fill_between(grid, mean - half, mean + half, color=colours[variant], alpha=0.12, lw=0)
     ax.set_xscale("log")
+    for axis in ("major", "minor"):
+        getattr(ax.xaxis, f"set_{axis}_formatter")(LogFormatter(minor_thresholds=(1.2, 0.4)))
+    ax.tick_params(axis="x", which="both", labelsize="x-small")

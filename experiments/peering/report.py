@@ -51,9 +51,9 @@ def reported(cfg: PeersConfig, found: Found, missing: Mapping[str, str], wall_s:
     header = next(iter(parts.values())).header
     rows = [[name, *row] for name, part in parts.items() for row in part.rows]
     curves = {
-        f"{name}/{variant}": np.nanmean(arrays[f"{name}/{variant}/curve"], axis=0)
+        f"{name}/{variant}": mean_curve(trainings)
         for name, runs in found.items()
-        for variant in runs
+        for variant, trainings in runs.items()
     }
     return Report(
         Comparison(["task", *header], rows, "\n\n".join(texts)),
@@ -117,6 +117,15 @@ def stacked(runs: Sequence[Learned]) -> dict[str, np.ndarray]:
         "iterations": padded([run.at for run in runs]),
         "seconds": padded([run.seconds for run in runs]),
     }
+
+
+def mean_curve(runs: Sequence[Learned]) -> np.ndarray:
+    """Mean score over seeds at every evaluation (P,); a training that has ended keeps its last."""
+    longest = max(len(run.curve) for run in runs)
+    places = [np.minimum(np.arange(longest), len(run.curve) - 1) for run in runs]
+    held = [run.curve[place] for run, place in zip(runs, places, strict=True)]
+    mean: np.ndarray = np.mean(held, axis=0)
+    return mean
 
 
 def described(cfg: PeersConfig, name: str, known: Mapping[str, float]) -> str:

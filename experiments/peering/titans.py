@@ -21,6 +21,8 @@ class Titans(nn.Module):
 
         self.embed = nn.Linear(n_inputs, size)
         self.memory = NeuralMemory(dim=size, chunk_size=1)  # a write a step, as all others do
+        # Only its form is used: what is learned are `memory_model_parameters`, counted once.
+        self.memory.memory_model.requires_grad_(False)
         self.output = nn.Linear(size, out)
 
     def forward(self, x: Tensor, valid: Tensor | None = None) -> Tensor:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
-from experiments import recall, reproduce, simulate
+from experiments import peers, reproduce, simulate
 from experiments.runs.life import claimed, finish
 from mann_torch.errors import ConfigError
 from tests.experiments.command import exit_code
@@ -39,9 +39,9 @@ OTHERS = {
         *("gradient_report", "horizon=0.1", "draws=2", "names=[error_gain]", "steps=[0.1]"),
         *("temperatures=[]", "horizons=[]"),
     ],
-    "recall": [
-        *("recall", "variants=[soft,lstm]", "iterations=200", "seeds=2", "test_sequences=20"),
-        "workers=1",
+    "peers": [
+        *("peers", "tasks=[recall]", "variants=[memory,lstm]", "recall.iterations=100", "seeds=2"),
+        *("tested=20", "workers=1"),
     ],
     "online_regression": [
         *("online_regression", "variants=[network,soft]", "rates=[1]", "visits=2", "seeds=2"),
@@ -153,19 +153,20 @@ def test_finished_variants_are_not_computed_again(
 def test_finished_trainings_are_not_done_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ["variants=[soft,lstm]", "iterations=100", "test_sequences=20", "seeds=2"]
+    arguments = ["tasks=[recall]", "variants=[memory,lstm]", "recall.iterations=40", "seeds=2"]
     arguments += [
+        "tested=20",
         "workers=1",
         "output.figures=false",
         "output.tensorboard=false",
         f"run_dir={tmp_path / 'run'}",
     ]
-    assert exit_code(monkeypatch, recall.main, *arguments) == 0
+    assert exit_code(monkeypatch, peers.main, *arguments) == 0
     before = dict(np.load(tmp_path / "run" / "arrays.npz"))
     (tmp_path / "run" / "metrics.json").unlink()
-    (tmp_path / "run" / "finished" / "lstm_1.npz").unlink()
+    (tmp_path / "run" / "finished" / "recall_lstm_1.npz").unlink()
     capsys.readouterr()
-    assert exit_code(monkeypatch, recall.main, *arguments) == 0
+    assert exit_code(monkeypatch, peers.main, *arguments) == 0
     assert "3 of 4 parts were finished before" in capsys.readouterr().out
     after = dict(np.load(tmp_path / "run" / "arrays.npz"))
     assert before.keys() == after.keys()
