@@ -15,6 +15,7 @@ from .march.engine import Job
 from .march.layout import Layout, Leaf
 from .march.program import Program
 from .march.scope import Arguments
+from .march.single import Single
 from .trace.fingerprint import Fingerprint
 from .trace.frozen import frozen
 from .trace.telling import UntraceableError
@@ -32,6 +33,7 @@ __all__ = [
     "Marched",
     "Places",
     "Program",
+    "Single",
     "UntraceableError",
     "check_agreement",
     "frozen",

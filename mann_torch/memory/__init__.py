@@ -14,6 +14,7 @@ from .relaxed import RelaxedAttention
 from .relaxing import relaxed
 from .sequence import MemorySequence
 from .soft import SoftAttention
+from .stream import MemoryStream
 from .telemetry import MemoryTrace, reallocation_log
 from .working_memory import RESETS, WorkingMemory
 
@@ -39,6 +40,7 @@ __all__ = [
     "KeyRule",
     "MemoryCell",
     "MemorySequence",
+    "MemoryStream",
     "MemoryTrace",
     "ReallocatingAttention",
     "RelaxedAttention",

@@ -90,10 +90,21 @@ class MemorySequence(nn.Module):
     def _run(self, begun: _Begun) -> tuple[Tensor, CellState, Taken]:
         if self.engine == "torch":
             return (*self._eager(begun), Taken("torch", "engine='torch'"))
+        if torch.compiler.is_dynamo_compiling() and not torch.compiler.is_exporting():
+            return self._apart(begun)
+        return self._run_now(begun)
+
+    @torch.compiler.disable  # type: ignore[untyped-decorator]
+    def _apart(self, begun: _Begun) -> tuple[Tensor, CellState, Taken]:
+        """Outside what torch.compile compiles: written out, hundreds of steps take it minutes."""
+        return self._run_now(begun)
+
+    def _run_now(self, begun: _Begun) -> tuple[Tensor, CellState, Taken]:
         from ..compiled import UntraceableError
         from . import marching
+        from .programs import obstacle
 
-        reason = marching.obstacle(self.cell, begun.looked.hidden)
+        reason = obstacle(self.cell, self.cell.memory, begun.looked.hidden.device)
         if reason is None:
             try:
                 found = marching.run(self.cell, *begun)

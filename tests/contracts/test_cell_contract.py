@@ -41,7 +41,8 @@ def run(cell: mt.MemoryCell, x: Tensor) -> tuple[Tensor, mt.CellState]:
 def somewhere(cell: mt.MemoryCell) -> mt.CellState:
     """A state in use: contents apart, every slot active."""
     state = cell.initial_state((B,))
-    mu, keys = state.mu + 0.3 * randn(*state.mu.shape), state.keys + randn(*state.keys.shape)
+    mu = state.mu + (0.3 * randn(*state.mu.shape)).to(cell.dtype)
+    keys = state.keys + randn(*state.keys.shape).to(cell.dtype)
     return state._replace(mu=mu, keys=keys, active=torch.ones_like(state.active))
 
 

@@ -103,10 +103,10 @@ def _silent_stderr() -> Iterator[None]:
 
 
 @functools.cache
-def lanes_here() -> int:
-    """How many float64 lanes this machine computes side by side."""
+def lanes_here(bytes_each: int = 8) -> int:
+    """How many lanes of so many bytes, 8 for float64, this machine computes side by side."""
     capability = torch.backends.cpu.get_cpu_capability()
-    return {"AVX512": 8, "AVX2": 4}.get(capability, 2)
+    return {"AVX512": 64, "AVX2": 32}.get(capability, 16) // bytes_each
 
 
 class Kernel:
@@ -136,6 +136,20 @@ class Kernel:
             command.launch()
 
         return run
+
+    def single(self, table: Tensor, count: int) -> Callable[[], object]:
+        """A launch over the first `count` groups and the first step alone: no ado."""
+        import warp as wp
+
+        command = wp.launch(
+            self._made,
+            dim=count,
+            inputs=[wp.from_torch(table, dtype=wp.int64), 0, 0, 1],
+            device=self._device,
+            record_cmd=True,
+        )
+        launch: Callable[[], object] = command.launch
+        return launch
 
 
 def kernel(text: str, lanes: int, device: str = "cpu") -> Kernel:

@@ -6,16 +6,20 @@ import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from ...errors import KernelError
 from ..host.kernels import Kernel, kernel, on_stream
 from .cores import run_all, run_in_pieces, torch_on_one_thread
+from .loop_forms import SHARED
 from .loop_text import FINE
 from .packing import from_lanes, lanes_for, padded, to_lanes
 from .program import Program
+from .scope import Back
 
 #: Bytes of working memory, of a core and of all that work at a time.
 LIMIT = 2**32
@@ -32,7 +36,7 @@ class Job:
     """
 
     program: Program
-    clock: Tensor  # (T, C)
+    clock: Tensor  # (T, C); floating tensors are of the program's dtype
     segment_of: Tensor  # (T,) int32, row of the segments in force in a step
     noise: tuple[Tensor, Tensor, Tensor] | None  # table (R, K, W), row (B,), instant (T,) int32
     whole: Tensor  # (B, N) int64, constants that are integers or masks; a mask is 0 or -1
@@ -58,14 +62,23 @@ class Job:
         return len(self.clock)
 
 
+class Moved(NamedTuple):
+    """What gradients reach: see `autograd.march`."""
+
+    constants: Tensor
+    segments: Tensor
+    carry: Tensor
+    shared: Tensor
+
+
 class Marcher:
     """Buffers and launches of one march."""
 
-    def __init__(
-        self, job: Job, constants: Tensor, segments: Tensor, carry: Tensor, backward: bool
-    ) -> None:
+    def __init__(self, job: Job, moved: Moved, backward: bool) -> None:
+        constants, segments, carry, shared = moved
         self.job, self.batch = job, len(carry)
         layout = job.program.layout
+        self._real = real = layout.real
         self._lanes = lanes = job.lanes_used
         self._groups = -(-self.batch // lanes)
         self._parts = min(torch.get_num_threads(), self._groups) if job.device == "cpu" else 1
@@ -73,19 +86,23 @@ class Marcher:
         f, k = layout.size("f"), layout.size("k")
         self._constants = to_lanes(constants, lanes).to(job.device)
         self._segments = to_lanes(segments, lanes).to(job.device)
-        self._whole = to_lanes(job.whole, lanes).to(job.device)
-        self._f, self._k = (to_lanes(x, lanes).to(job.device) for x in (carry, job.carry_k))
+        # A copy: the backward pass reads it again, after an optimizer's step perhaps.
+        self._shared = shared.to(job.device, copy=True).contiguous()
+        self._whole = to_lanes(job.whole.to(real.whole_dtype), lanes).to(job.device)
+        self._f = to_lanes(carry, lanes).to(job.device)
+        self._k = to_lanes(job.carry_k.to(real.whole_dtype), lanes).to(job.device)
         rows, whole = _rows(job.motion_slot), _rows(job.state_slot)
         self.motion = self._empty(rows, self.batch, layout.n_motion)
         self.state_f = self._empty(whole, self.batch, f)
-        self.state_k = torch.empty(whole, self.batch, k, dtype=torch.int64, device=job.device)
+        self.state_k = self._whole_empty(whole, self.batch, k)
         self.stop = torch.full((count,), job.n_steps, dtype=torch.int32, device=job.device)
         self.cause = torch.zeros(count, dtype=torch.int32, device=job.device)
         table, row, instant = job.noise or (torch.zeros(0), torch.zeros(0), torch.zeros(0))
         self._instants = table.shape[1] if table.dim() == 3 else 0
         fixed = (
-            torch.tensor([job.limit], dtype=torch.float64), job.clock, job.segment_of, table,
-            padded(row.int(), count), instant, job.motion_slot, job.state_slot,
+            torch.tensor([job.limit], dtype=real.dtype), job.clock.to(real.dtype),
+            job.segment_of, table, padded(row.int(), count), instant, job.motion_slot,
+            job.state_slot,
         )  # fmt: skip
         self._fixed = [x.contiguous().to(job.device) for x in fixed]
         self._stride = FINE
@@ -95,22 +112,23 @@ class Marcher:
             self._heap_size(self._backward_heap())  # too large shows before the forward pass
 
     def _empty(self, *shape: int) -> Tensor:
-        return torch.empty(shape, dtype=torch.float64, device=self.job.device)
+        return torch.empty(shape, dtype=self._real.dtype, device=self.job.device)
+
+    def _whole_empty(self, *shape: int) -> Tensor:
+        return torch.empty(shape, dtype=self._real.whole_dtype, device=self.job.device)
 
     def _keep(self, groups: int, f: int, k: int) -> None:
         """Room for checkpoints: every FINE steps, or as far apart as memory asks."""
-        size = 8 * self._lanes * groups * (f + k)
+        size = self._real.bytes * self._lanes * groups * (f + k)
         steps = self.job.n_steps
         while self._stride < steps and -(-steps // self._stride) * size > self.job.tape_memory:
             self._stride *= 2
         count = -(-steps // self._stride)
-        whole = torch.empty(
-            count, groups, k, self._lanes, dtype=torch.int64, device=self.job.device
-        )
+        whole = self._whole_empty(count, groups, k, self._lanes)
         self._kept = (self._empty(count, groups, f, self._lanes), whole)
 
     def _table(self, heap: Tensor, vectors: int, more: Sequence[Tensor | None]) -> Tensor:
-        """Numbers and pointers as `cpp/march.py` reads them."""
+        """Numbers and pointers as `loop_text` reads them."""
         limit, clock, segment_of, table, row, instant, motion_slot, state_slot = self._fixed
         numbers = [self.batch, self._groups, self.job.n_steps, self._instants, self._stride]
         tensors = [
@@ -121,7 +139,8 @@ class Marcher:
         pointers = [0 if t is None else t.data_ptr() for t in tensors]
         # The groups of a core share its working memory, those of a GPU have each their own.
         pointers.append(0 if self.job.device == "cpu" else vectors)
-        pointers += [0 if t is None else t.data_ptr() for t in more]
+        given = [*more[:-1], *[None] * (SHARED - len(numbers) - len(pointers) - len(more) + 1)]
+        pointers += [0 if t is None else t.data_ptr() for t in (*given, self._shared, more[-1])]
         packed = struct.pack(f"{len(numbers) + len(pointers)}Q", *numbers, *pointers)
         return torch.frombuffer(bytearray(packed), dtype=torch.int64).to(self.job.device)
 
@@ -133,7 +152,7 @@ class Marcher:
 
     def _heap_size(self, vectors: int) -> int:
         """Bytes of a core's working memory."""
-        size = 8 * self._lanes * vectors
+        size = self._real.bytes * self._lanes * vectors
         if size > LIMIT:
             raise KernelError(
                 f"a step of this size needs {size / 2**30:.1f} GiB of working memory on each "
@@ -155,7 +174,7 @@ class Marcher:
         """All steps."""
         job = self.job
         text = job.program.forward(self._lanes)
-        run = self._launch(kernel(text.text, self._lanes, job.device), text.heap, ())
+        run = self._launch(kernel(text.text, self._lanes, job.device), text.heap, (None,))
         small = text.heap + job.program.layout.size("f") <= SMALL
         run_in_pieces(job.n_steps, FIRST if small else 1, run, job.progress)
 
@@ -180,29 +199,42 @@ class Marcher:
 
         return run
 
+    def single(self) -> tuple[Callable[[], object], np.ndarray]:
+        """What runs the first step with little ado, and the table that it reads."""
+        text = self.job.program.forward(self._lanes)
+        room = self._heap(text.heap)
+        table = self._table(room, text.heap, (None,))
+        self._rooms = room, table
+        made = kernel(text.text, self._lanes, self.job.device)
+        return made.single(table, self._groups), table.numpy()
+
     @torch_on_one_thread()
     def gradient(
         self, motion: Tensor | None, state: Tensor | None
-    ) -> tuple[Tensor, Tensor, Tensor]:
-        """Gradients of wanted constants (B, P), segments (S, B, Q) and the first carry (B, F)."""
+    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Gradients of wanted constants (B, P), segments (S, B, Q), the first carry (B, F).
+
+        The last is that of wanted shared constants (R,): a sum over samples, in their order.
+        """
         job, lanes = self.job, self._lanes
         made = kernel(job.program.backward(lanes, *job.wanted).text, lanes, job.device)
-        P = len(job.program.scope.constant_columns(job.wanted[0]))
-        Q = len(job.program.scope.segment_columns(job.wanted[1]))
+        P, Q, R = job.program.scope.sizes(Back(*job.wanted))
         adj = torch.zeros_like(self._f)
         found_c = adj.new_zeros(self._groups, P, lanes)
         found_s = adj.new_zeros(len(self._segments), self._groups, Q, lanes)
+        sums = adj.new_zeros(self._groups, R, lanes)
         given = [None if g is None else g.contiguous().to(job.device) for g in (motion, state)]
-        run = self._launch(made, self._backward_heap(), (adj, found_c, found_s, *given))
+        run = self._launch(made, self._backward_heap(), (adj, found_c, found_s, *given, sums))
         blocks = -(-job.n_steps // self._stride)
         run_in_pieces(blocks, 1, lambda first, last: run(blocks - last, blocks - first))
-        found = (from_lanes(x, self.batch).cpu() for x in (found_c, found_s, adj))
-        constants, segments, first_carry = found
-        return constants, segments, first_carry
+        found = (from_lanes(x, self.batch).cpu() for x in (found_c, found_s, adj, sums))
+        constants, segments, first_carry, each = found
+        return constants, segments, first_carry, each.sum(0)
 
     def last(self) -> tuple[Tensor, Tensor]:
         """The carry after the last step, (B, F) and (B, K)."""
-        return from_lanes(self._f, self.batch).cpu(), from_lanes(self._k, self.batch).cpu()
+        f, k = (from_lanes(x, self.batch).cpu() for x in (self._f, self._k))
+        return f, k.long()
 
     def forget_outputs(self) -> None:
         """Let go of the outputs, which refer back to this object through their gradient."""

@@ -80,7 +80,7 @@ class Scope:
         self.used = self._constants_in(pieces, made)
         kept = tuple(given.constants[i] for i in self.used)
         self.layout = dataclasses.replace(given, constants=kept)
-        self.graph = Graph()
+        self.graph = Graph(given.real)
         #: The outputs of each piece.
         self.outputs = [self._outputs(p, m) for p, m in zip(pieces, made, strict=True)]
 
@@ -101,7 +101,7 @@ class Scope:
         self, pieces: Sequence[Piece], made: Sequence[GraphModule]
     ) -> tuple[int, ...]:
         """Numbers of the constants that the results depend on."""
-        g = Graph()
+        g = Graph(self.given.real)
         inputs = self.given.inputs(g)
         seen: set[int] = set()
         for piece, graph in zip(pieces, made, strict=True):
@@ -158,8 +158,7 @@ class Scope:
             _, offset, leaf = piece.results[i]
             inputs.append(g.input("adj", offset, leaf.shape, "f"))
         found = lower(g, made, inputs)
-        shapes = [layout.constants[i].shape for i in back.constants]
-        places = [("g_constant", o) for o in offsets(shapes)]
+        places = self._gradient_places(back.constants)
         places += [("g_segment", o) for o in offsets([layout.segments[i] for i in back.segments])]
         places += [("adj_out", layout.carry_places[i][1]) for i in layout.floating]
         places += [(place, piece.own[number].offset) for number, place in back.own]
@@ -169,16 +168,30 @@ class Scope:
             if node.size
         ]
 
-    def sizes(self, back: Back) -> tuple[int, int]:
-        """How many numbers of constants and of segments have gradients."""
-        constants = (self.layout.constants[i].shape for i in back.constants)
-        segments = (self.layout.segments[i] for i in back.segments)
-        return sum(map(math.prod, constants)), sum(map(math.prod, segments))
+    def _gradient_places(self, chosen: Sequence[int]) -> list[tuple[str, int]]:
+        """Where the gradients of constants go: g_constant or g_shared, and the offset."""
+        places, ends = [], {"constant": 0, "shared": 0}
+        for leaf in (self.layout.constants[i] for i in chosen):
+            places.append((f"g_{leaf.place}", ends[leaf.place]))
+            ends[leaf.place] += math.prod(leaf.shape)
+        return places
 
-    def constant_columns(self, chosen: Sequence[int]) -> Tensor:
-        """Columns of the array of constants that the chosen ones take."""
+    def sizes(self, back: Back) -> tuple[int, int, int]:
+        """How many numbers of constants, of segments and of shared constants have gradients."""
+        constants, shared = (
+            len(self.constant_columns(back.constants, place)) for place in ("constant", "shared")
+        )
+        segments = (self.layout.segments[i] for i in back.segments)
+        return constants, sum(map(math.prod, segments)), shared
+
+    def constant_columns(self, chosen: Sequence[int], place: str = "constant") -> Tensor:
+        """Columns of the array of constants, or of shared ones, that the chosen ones take."""
         layout = self.layout
-        return _columns((layout.constant_places[i][1], layout.constants[i].shape) for i in chosen)
+        return _columns(
+            (layout.constant_places[i][1], layout.constants[i].shape)
+            for i in chosen
+            if layout.constants[i].place == place
+        )
 
     def segment_columns(self, chosen: Sequence[int]) -> Tensor:
         """Columns of the array of segments that the chosen ones take."""
@@ -207,7 +220,7 @@ def _examples(piece: Piece) -> list[Tensor]:
 
 
 def _own(g: Graph, piece: Piece) -> list[Node]:
-    kinds = {torch.float64: "f", torch.bool: "b"}
+    kinds = {g.real.dtype: "f", torch.bool: "b"}
     return [
         g.input(own.place, own.offset, own.example.shape, kinds.get(own.example.dtype, "i"))
         for own in piece.own
