@@ -37,7 +37,8 @@ def measured(task: Task, runs: Sequence[Learned]) -> dict[str, np.ndarray]:
 
 def reported(cfg: PeersConfig, found: Found, missing: Mapping[str, str], wall_s: float) -> Report:
     """Table, record and arrays of a run; `missing`: variants that could not run, and why."""
-    parts, texts, arrays, known = {}, [], {}, {}
+    parts, texts, known = {}, [], {}
+    arrays: dict[str, np.ndarray] = {}
     for name, runs in found.items():
         task = TASKS[name](cfg)
         known[name] = task.known(test_sequences(cfg, name))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import repeat
 
 import numpy as np
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from ..learning.report import member_arrays
 from ..sequence_tasks.every import TASKS
@@ -20,6 +21,8 @@ from .models import build_model, matched_size, n_parameters
 
 #: How near its own best score a model has come when it has got there.
 NEAR = 0.01
+#: Sequences that are evaluated at once.
+AT_ONCE = 250
 
 
 @dataclass(frozen=True)
@@ -106,13 +109,19 @@ def first_near_best(curve: np.ndarray, lower_is_better: bool) -> int:
 
 @torch.inference_mode()
 def evaluated(model: nn.Module, task: Task, batch: Batch) -> float:
-    """The model's score."""
-    return task.score(model(batch.x, batch.valid), batch)
+    """The model's score; it takes some sequences at once, as memories need room."""
+    found = [model(x, valid) for x, valid in zip(_some(batch.x), _some(batch.valid), strict=False)]
+    return task.score(torch.cat(found, dim=1), batch)
 
 
 def test_sequences(cfg: PeersConfig, name: str) -> Batch:
     """Of seed 0: what pictures show and notes judge."""
     return TASKS[name](cfg).draw(cfg.tested, _draws(cfg, name, 0)[3])
+
+
+def _some(leaf: Tensor | None) -> Iterable[Tensor | None]:
+    """(T, B, ...) in pieces of `AT_ONCE` sequences; None as often as you like."""
+    return repeat(None) if leaf is None else leaf.split(AT_ONCE, dim=1)
 
 
 def _is_over(task: Task, curve: list[float]) -> bool:
