@@ -140,8 +140,10 @@ def described(cfg: PeersConfig, name: str, known: Mapping[str, float]) -> str:
 def note(cfg: PeersConfig, missing: Mapping[str, str]) -> str:
     """How to read the tables."""
     rates = ", ".join(f"{variant} {cfg.rates[variant]:g}" for variant in cfg.variants)
-    shares = ", ".join(f"{v} {cfg.shares[v]:g}" for v in cfg.variants if v in cfg.shares)
-    told = f" Of a task's iterations at most: {shares}." if shares else ""
+    shares = ", ".join(
+        f"{v} {cfg.shares[v]:g}" for v in cfg.variants if cfg.shares.get(v, 1.0) != 1.0
+    )
+    told = f" Times a task's iterations: {shares}." if shares else ""
     lost = "".join(f" {variant}: {why}." for variant, why in missing.items())
     return (
         f"Mean and 95 % interval over {cfg.seeds} seeds, least and most of them, on {cfg.tested} "

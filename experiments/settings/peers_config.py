@@ -64,7 +64,7 @@ class PeersConfig:
     variants: list[str] = field(default_factory=list)
     tasks: list[str] = field(default_factory=list)
     rates: dict[str, float] = field(default_factory=dict)  # of Adam, by variant
-    shares: dict[str, float] = field(default_factory=dict)  # of a task's iterations; else 1
+    shares: dict[str, float] = field(default_factory=dict)  # times a task's iterations; else 1
     hidden_size: int = 32  # N of `memory`; the others get as many parameters
     n_slots: int = 8  # S
     context_size: int = 8  # width of the memory's keys

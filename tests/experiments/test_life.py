@@ -170,11 +170,13 @@ def test_finished_trainings_are_not_done_again(
     assert "3 of 4 parts were finished before" in capsys.readouterr().out
     after = dict(np.load(tmp_path / "run" / "arrays.npz"))
     assert before.keys() == after.keys()
-    assert all(np.array_equal(before[k], after[k]) for k in before if "wall_s" not in k)
+    assert all(np.array_equal(before[k], after[k]) for k in before if "seconds" not in k)
 
 
 #: What no two runs have alike: time and memory.
-MEASURED = ("wall_s", "tuning_s", "peak_mb")
+MEASURED = ("wall_s", "tuning_s", "peak_mb", "seconds", "start_s")
+#: The same, of a table's rows.
+TIMES = ("training [s]", "start [s]", "training_s", "best_s")
 
 
 def numbers_in(folder: Path) -> dict[str, Any]:
@@ -182,7 +184,7 @@ def numbers_in(folder: Path) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for path in sorted(folder.rglob("*.npz")):
         for name, array in np.load(path).items():
-            if name in MEASURED:
+            if name.rpartition("/")[2] in MEASURED:
                 continue
             key = f"{path.relative_to(folder)}/{name}"
             found[key] = (array.dtype.str, array.shape, array.tobytes())
@@ -191,7 +193,8 @@ def numbers_in(folder: Path) -> dict[str, Any]:
         for name in (*MEASURED, "command"):
             record.pop(name, None)
         for row in record.get("table", []):
-            row.pop("training [s]", None)
+            for name in [name for name in row if name.startswith(TIMES)]:
+                row.pop(name)
         for row in record.get("history", []):
             row.pop("seconds", None)
         found[str(path.relative_to(folder))] = record

@@ -19,7 +19,7 @@ from experiments.settings.peers_config import PEERS, GapConfig, PeersConfig, Rec
 from tests.experiments.command import exit_code, logged
 
 VARIANTS = [v for v in PEERS if v != "titans" or titans.is_installed()]
-SHORT = ["seeds=2", "workers=1", "tested=10", "evaluated=5", "every=2", "shares={}"]
+SHORT = ["seeds=2", "workers=1", "tested=10", "evaluated=5", "every=2", "shares={lstm:1,titans:1}"]
 SHORT += [f"{task}.{what}" for task in TASKS for what in ("iterations=3", "batch=2")]
 SHORT += ["gap.longest=12", "copy.gap=3", "hidden_size=6", "context_size=3", "n_slots=3"]
 

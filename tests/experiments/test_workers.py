@@ -70,7 +70,7 @@ def test_stopped_in_the_middle_it_leaves_no_process_and_what_is_finished(
     tmp_path: Path, stop: signal.Signals
 ) -> None:
     command = [sys.executable, "-m", "experiments.peers", "tasks=[recall]", "variants=[lstm,gru]"]
-    command += ["seeds=1", "recall.iterations=50", "shares={gru:1000}", "recall.batch=2"]
+    command += ["seeds=1", "recall.iterations=50", "shares={lstm:1,gru:1000}", "recall.batch=2"]
     command += [f"run_dir={tmp_path / 'run'}"]
     run = subprocess.Popen(
         command,
