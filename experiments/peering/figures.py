@@ -67,7 +67,7 @@ def learning_curves(cfg: PeersConfig, found: Found) -> Figure:
 
 
 def _draw(ax: Axes, cfg: PeersConfig, found: Found, name: str, of: str) -> None:
-    from matplotlib.ticker import LogFormatter
+    from matplotlib.ticker import FuncFormatter, LogFormatter
 
     colours = dict(zip(cfg.variants, MORE_COLOURS, strict=False))
     for variant, runs in found[name].items():
@@ -80,6 +80,6 @@ def _draw(ax: Axes, cfg: PeersConfig, found: Found, name: str, of: str) -> None:
         ax.plot(grid, mean, lw=1.3, color=colours[variant], label=variant)
         ax.fill_between(grid, mean - half, mean + half, color=colours[variant], alpha=0.12, lw=0)
     ax.set_xscale("log")
-    for axis in ("major", "minor"):
-        getattr(ax.xaxis, f"set_{axis}_formatter")(LogFormatter(minor_thresholds=(1.2, 0.4)))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.xaxis.set_minor_formatter(LogFormatter(minor_thresholds=(1.2, 0.4)))
     ax.tick_params(axis="x", which="both", labelsize="x-small")

@@ -81,7 +81,7 @@ def compared(task: Task, runs: Mapping[str, Sequence[Learned]]) -> Comparison:
         Measure("score", task.measure, 2, task.lower_is_better),
         Measure("training_s", "training [s]", 1),
         Measure("best_s", "to its best [s]", 1),
-        Measure("best_iterations", "to its best", 0),
+        Measure("best_iterations", "to its best [iterations]", 0),
     )
     return compare(measures, values, {v: BASELINE for v in runs if v != BASELINE}, extra)
 
