@@ -128,6 +128,7 @@ class Comparison(NamedTuple):
     query: Tensor  # (..., D)
     keys: Tensor  # (..., S, D)
     scale: Tensor  # (...,) or scalar: c_w for representation keys, 1 for state keys
+    bias: Tensor | None = None  # (..., S) what speaks for a slot besides; soft attention adds it
 
 
 @portable

@@ -39,17 +39,16 @@ class SequenceStep:
         marks = Marks(*(next(given) > 0.5 if there else None for there in self._marked))
         looked, state = Looked(*segments[:count]), CellState(*carry[1:])
         with with_tensors(self._cell, dict(zip(self._names, constants, strict=True))):
-            return [x for part in stepped(self._cell, looked, state, marks) for x in _listed(part)]
-
-
-def _listed(part: Tensor | CellState) -> Sequence[Tensor]:
-    return [part] if isinstance(part, Tensor) else part
+            _, read, after = stepped(self._cell, looked, state, marks)
+            return [read, *after]
 
 
 def run(
     cell: MemoryCell, looked: Looked, state: CellState, marks: Marks
-) -> tuple[Tensor, CellState]:
-    """Reads (T, *batch, N) and the last state. Raises `UntraceableError`, `KernelError`.
+) -> tuple[Tensor, Tensor, CellState]:
+    """Features and reads (T, *batch, N), and the last state.
+
+    Raises `UntraceableError`, `KernelError`.
 
     `looked` (T, *batch, ...), `state` (*batch, ...) and `marks` (T, *batch) have one batch shape.
     """
@@ -58,16 +57,21 @@ def run(
     segments = [leaf.reshape((T, B, *leaf.shape[1 + depth :])) for leaf in looked]
     segments += [leaf.reshape(T, B).to(cell.dtype) for leaf in marks if leaf is not None]
     read = torch.zeros_like(looked.hidden[0]).detach()
+    N = read.shape[-1]
     carry = [leaf.reshape((B, *leaf.shape[depth:])) for leaf in (read, *state)]
-    held = Held.of(cell, ["memory"])
+    held = Held.of(cell, cell.stepped)
     rows = Rows(held.rows(batch), segments, carry)
     prints = Fingerprint()
-    key = (SequenceStep, type(cell), prints.of(cell.memory), tuple(m is None for m in marks))
-    program = program_of(key, prints, lambda: SequenceStep(cell, held.names, marks), rows)
+    inside = tuple((name, prints.of(cell.get_submodule(name))) for name in cell.stepped)
+    own = cell.writing, cell.ages is None
+    key = (SequenceStep, type(cell), own, inside, tuple(m is None for m in marks))
+    shown = 1 if cell.inertia is None else 2  # the read, and features that have a state
+    program = program_of(key, prints, lambda: SequenceStep(cell, held.names, marks), rows, shown)
     job, tensors = job_of(program, rows)
     backward = torch.is_grad_enabled() and any(t.requires_grad for t in tensors)
     check_agreement(program, job.lanes_used, job.wanted if backward else None)
     found = march(job, *tensors)
     last = leaves_of(program.layout, found.state_f[0], found.last_k, batch)[1:]
-    reads = found.motion.reshape((T, *batch, -1)).to(device)
-    return reads, CellState(*(leaf.to(device) for leaf in last))
+    motion = found.motion.reshape((T, *batch, -1)).to(device)
+    hidden = motion[..., N:] if cell.inertia is not None else looked.hidden
+    return hidden, motion[..., :N], CellState(*(leaf.to(device) for leaf in last))

@@ -7,7 +7,7 @@ from collections.abc import Callable, Hashable, Sequence
 from typing import Any, NamedTuple
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from ..compiled import (
     Fingerprint,
@@ -31,15 +31,16 @@ _DTYPES = (torch.float32, torch.float64)
 _TAPE = 2e9
 
 
-def obstacle(cell: MemoryCell, traced: nn.Module, device: torch.device) -> str | None:
-    """Why this can't even be tried, in a few words; None if it can."""
+def obstacle(cell: MemoryCell, parts: Sequence[str], device: torch.device) -> str | None:
+    """Why steps through these parts can't even be tried, in a few words; None if they can."""
     if torch.compiler.is_compiling():
         return "torch.compile and torch.export take the steps themselves"
     if cell.dtype not in _DTYPES:
         return f"the compiled engine computes in float32 and float64, not {cell.dtype}"
     if device.type not in ("cpu", "cuda"):
         return f"there is no compiled engine on {device.type}"
-    if any(m._forward_hooks or m._forward_pre_hooks for m in traced.modules()):
+    traced = (m for name in parts for m in cell.get_submodule(name).modules())
+    if any(m._forward_hooks or m._forward_pre_hooks for m in traced):
         return "forward hooks are not called by the compiled engine"
     if transformed():
         return "torch.func and forward-mode differentiation need the torch engine"
@@ -56,8 +57,8 @@ class Held(NamedTuple):
     @classmethod
     def of(cls, cell: MemoryCell, parts: Sequence[str]) -> Held:
         """Those of some parts of the cell, and what a run starts from."""
-        found: dict[str, Tensor] = {"slots": cell.slots, "slot_keys": cell.slot_keys}
-        events: dict[str, int] = {}
+        found: dict[str, Tensor] = {**dict(cell.named_parameters(recurse=False)), "dt": cell.dt}
+        events: dict[str, int] = {"dt": 0}
         for name in parts:
             part = cell.get_submodule(name)
             found |= {f"{name}.{n}": t for n, t in part.named_parameters()}
@@ -99,18 +100,23 @@ class Rows(NamedTuple):
 
     constants: list[Row]
     segments: list[Tensor]  # each (T, B, *event)
-    carry: list[Tensor]  # each (B, *event); the first is what is kept of each step
+    carry: list[Tensor]  # each (B, *event)
 
 
-def program_of(key: Hashable, prints: Fingerprint, step: Callable[[], Any], rows: Rows) -> Program:
-    """The program of a step, traced once a process. Raises `UntraceableError`."""
+def program_of(
+    key: Hashable, prints: Fingerprint, step: Callable[[], Any], rows: Rows, shown: int = 1
+) -> Program:
+    """The program of a step, traced once a process. Raises `UntraceableError`.
+
+    Of what is carried the first `shown` leaves are kept of each step.
+    """
     layout = Layout(
         clock=0,
         constants=tuple(_leaf(row.one(), row.shared) for row in rows.constants),
         segments=tuple(tuple(s.shape[2:]) for s in rows.segments),
         noise=(),
         carry=tuple(_leaf(c[0]) for c in rows.carry),
-        n_motion=rows.carry[0].shape[1],
+        n_motion=sum(leaf[0].numel() for leaf in rows.carry[:shown]),
         watched=(),
     )
     dtype = rows.carry[0].dtype

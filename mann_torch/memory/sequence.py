@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from ..checks import choice, flag, instance
 from ..errors import ConfigError, DtypeError, KernelError, ShapeError
 from .cell import MemoryCell
-from .cell_state import RANKS, CellState, Looked
+from .cell_state import LOOKED_RANKS, RANKS, CellState, Looked
 from .checks import check_tensor, check_within, common_batch
 from .steps import Marks, stepped
 from .telemetry import MemoryTrace
@@ -33,6 +33,15 @@ class _Begun(NamedTuple):
     looked: Looked  # (T, *batch, ...)
     state: CellState  # (*batch, ...)
     marks: Marks  # (T, *batch)
+
+
+class _Run(NamedTuple):
+    """What an engine gives."""
+
+    hidden: Tensor  # (T, *batch, N)
+    read: Tensor  # (T, *batch, N)
+    last: CellState
+    taken: Taken
 
 
 class MemorySequence(nn.Module):
@@ -77,53 +86,54 @@ class MemorySequence(nn.Module):
         `KernelError` where the compiled engine is asked for and can't take it.
         """
         begun = self._begin(x, state, dt, reset, valid)
-        reads, last, _ = self._run(begun)
-        outputs = self.cell.shown(begun.looked.hidden, reads)
+        hidden, reads, last, _ = self._run(begun)
+        outputs = self.cell.shown(hidden, reads)
         if valid is not None and begun.marks.valid is not None:
             outputs = torch.where(begun.marks.valid.unsqueeze(-1), outputs, 0.0)
         return outputs.transpose(0, 1) if self._swaps(x) else outputs, last
 
     def taken(self, x: Tensor) -> Taken:
         """Which engine takes x, and why; it is traced, compiled and run to see."""
-        return self._run(self._begin(x, None, None, None, None))[2]
+        return self._run(self._begin(x, None, None, None, None)).taken
 
-    def _run(self, begun: _Begun) -> tuple[Tensor, CellState, Taken]:
+    def _run(self, begun: _Begun) -> _Run:
         if self.engine == "torch":
-            return (*self._eager(begun), Taken("torch", "engine='torch'"))
+            return self._eager(begun, "engine='torch'")
         if torch.compiler.is_dynamo_compiling() and not torch.compiler.is_exporting():
             return self._apart(begun)
         return self._run_now(begun)
 
     @torch.compiler.disable  # type: ignore[untyped-decorator]
-    def _apart(self, begun: _Begun) -> tuple[Tensor, CellState, Taken]:
+    def _apart(self, begun: _Begun) -> _Run:
         """Outside what torch.compile compiles: written out, hundreds of steps take it minutes."""
         return self._run_now(begun)
 
-    def _run_now(self, begun: _Begun) -> tuple[Tensor, CellState, Taken]:
+    def _run_now(self, begun: _Begun) -> _Run:
         from ..compiled import UntraceableError
         from . import marching
         from .programs import obstacle
 
-        reason = obstacle(self.cell, self.cell.memory, begun.looked.hidden.device)
+        reason = obstacle(self.cell, self.cell.stepped, begun.looked.hidden.device)
         if reason is None:
             try:
                 found = marching.run(self.cell, *begun)
-                return (*found, Taken("compiled", "the step was traced and compiled"))
+                return _Run(*found, Taken("compiled", "the step was traced and compiled"))
             except (UntraceableError, KernelError) as error:
                 if self.engine == "compiled" and isinstance(error, KernelError):
                     raise
                 reason = str(error)
         if self.engine == "compiled":
             raise ConfigError(f"engine = 'compiled': {reason}")
-        return (*self._eager(begun), Taken("torch", reason))
+        return self._eager(begun, reason)
 
-    def _eager(self, begun: _Begun) -> tuple[Tensor, CellState]:
-        state, reads = begun.state, []
+    def _eager(self, begun: _Begun, reason: str) -> _Run:
+        state, rows = begun.state, []
         for step in range(len(begun.looked.hidden)):
             now = Looked(*(leaf[step] for leaf in begun.looked))
-            read, state = stepped(self.cell, now, state, begun.marks.at(step))
-            reads.append(read)
-        return torch.stack(reads), state
+            *row, state = stepped(self.cell, now, state, begun.marks.at(step))
+            rows.append(row)
+        hidden, reads = (torch.stack(column) for column in zip(*rows, strict=True))
+        return _Run(hidden, reads, state, Taken("torch", reason))
 
     @torch.no_grad()
     def trace(
@@ -173,9 +183,10 @@ class MemorySequence(nn.Module):
             marks.append(None if found is None else found.expand(shape))
         return _Begun(
             Looked(
-                looked.hidden.expand((*shape, -1)),
-                looked.context.expand((*shape, -1)),
-                looked.dt.expand(shape),
+                *(
+                    leaf.expand((*shape, *leaf.shape[leaf.dim() - rank :]))
+                    for leaf, rank in zip(looked, LOOKED_RANKS, strict=True)
+                )
             ),
             CellState(
                 *(

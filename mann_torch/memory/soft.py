@@ -17,7 +17,10 @@ class SoftAttention(Attention):
 
     def forward(self, comparison: Comparison, active: Tensor) -> Tensor:
         """Weights (..., S) from the inner products of unscaled keys (..., S, D) and query."""
-        return masked_softmax(times_column(comparison.keys, comparison.query), active)
+        scores = times_column(comparison.keys, comparison.query)
+        if comparison.bias is not None:
+            scores = scores + comparison.bias
+        return masked_softmax(scores, active)
 
     def decide_shift(self, distances: Tensor, mode: MemoryMode) -> Shift | None:
         """Never shifts: None."""

@@ -26,17 +26,17 @@ class Marks(NamedTuple):
 
 def stepped(
     cell: MemoryCell, looked: Looked, state: CellState, marks: Marks
-) -> tuple[Tensor, CellState]:
-    """Read (..., N) and the next state: the step that every engine takes."""
+) -> tuple[Tensor, Tensor, CellState]:
+    """Features and read (..., N), and the next state: the step that every engine takes."""
     if marks.reset is not None:
         state = begun(cell, state, marks.reset)
     seen, after = cell.seen(looked, state)
-    read = seen.read
+    read, hidden = seen.read, seen.hidden
     if marks.valid is not None:
         valid = marks.valid
         after = map_tensors(lambda new, old: pick(valid, new, old), after, state)
         read = torch.where(valid.unsqueeze(-1), read, 0.0)
-    return read, after
+    return hidden, read, after
 
 
 def begun(cell: MemoryCell, state: CellState, reset: Tensor) -> CellState:

@@ -41,14 +41,14 @@ class Streamed:
     """Steps of one cell for one batch shape. Raises `UntraceableError`, `KernelError`."""
 
     def __init__(self, cell: MemoryCell, batch: torch.Size) -> None:
-        refusal = obstacle(cell, cell, cell.slots.device)
+        parts = [name for name, _ in cell.named_children()]
+        refusal = obstacle(cell, parts, cell.slots.device)
         if refusal is None and cell.slots.device.type != "cpu":
             refusal = f"single steps are compiled for the CPU, not for {cell.slots.device.type}"
         if refusal is not None:
             raise UntraceableError(refusal)
         self._cell, self._batch, self._lock = cell, batch, threading.Lock()
-        self._parts = [name for name, _ in cell.named_children()]
-        self._held = Held.of(cell, self._parts)
+        self._held = Held.of(cell, parts)
         with torch.no_grad():
             rows, prints = self._rows(), Fingerprint()
             names = self._held.names

@@ -117,11 +117,16 @@ class WorkingMemory(DesignModule):
         return MemoryOutput(row_times(weights, memory.mu), weights, MemoryState(d_mu, d_keys))
 
     def attend(
-        self, hidden: Tensor, context: Tensor, memory: MemoryState, mode: MemoryMode
+        self,
+        hidden: Tensor,
+        context: Tensor,
+        memory: MemoryState,
+        mode: MemoryMode,
+        bias: Tensor | None = None,
     ) -> tuple[Tensor, Tensor]:
         """Weights w_r (..., S) and read h_o (..., N) alone. Raises as `forward`."""
         self._check(hidden, context, (memory, mode))
-        weights = self._attend(hidden, context, memory, mode)
+        weights = self._attend(hidden, context, memory, mode, bias)
         return weights, row_times(weights, memory.mu)
 
     def offset(self, hidden: Tensor, correction: Tensor | None, memory: MemoryState) -> Tensor:
@@ -219,11 +224,17 @@ class WorkingMemory(DesignModule):
         self.has_contents.fill_(True)
 
     def _attend(
-        self, hidden: Tensor, context: Tensor, memory: MemoryState, mode: MemoryMode
+        self,
+        hidden: Tensor,
+        context: Tensor,
+        memory: MemoryState,
+        mode: MemoryMode,
+        bias: Tensor | None = None,
     ) -> Tensor:
         if mode.held is not None:
             return mode.held
         comparison = self.key_rule.query_keys(hidden, context, memory, self.write_gain)
+        comparison = comparison if bias is None else comparison._replace(bias=bias)
         return cast(Tensor, self.attention(comparison, mode.active))
 
     def _check(

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from ..graph.arithmetic import POINTWISE
 from ..graph.nodes import Node, Shape, reachable
-from .products import is_shared_product
+from .products import is_product
 from .reads import LOOPS, Reads, stored_nodes
 
 #: The array of the caller that results are added to.
@@ -45,7 +45,7 @@ class Plan:
     arrays: dict[str, tuple[int, str]]
     #: Nodes that only their own group reads: no buffer is written.
     passing: set[int]
-    #: Nodes with a loop of their own: products with what samples share.
+    #: Nodes with a loop of their own: products of matrices.
     products: set[int]
 
 
@@ -54,14 +54,17 @@ def squeezed(shape: Shape) -> Shape:
     return tuple(n for n in shape if n != 1)
 
 
-def make_plan(outputs: Sequence[Output]) -> Plan:
-    """A schedule: scalars as soon as they can be, and loops with as much in them as fits."""
+def make_plan(outputs: Sequence[Output], blocks: bool) -> Plan:
+    """A schedule: scalars as soon as they can be, and loops with as much in them as fits.
+
+    With `blocks`, products of matrices have loops of their own.
+    """
     results = [o.node for o in outputs]
     order = reachable(results)
     stored = stored_nodes(order, results)
     units = [n for n in order if n.number in stored]
     reads = Reads(order, stored)
-    products = {n.number for n in units if is_shared_product(n, stored)}
+    products = {n.number for n in units if blocks and is_product(n, stored)}
     groups = _grouped(units, reads, products)
     return _housed(groups, reads, outputs, products)
 

@@ -1,7 +1,8 @@
-"""C++ text of products with what all samples share: y_i = sum over j of W_ij x_j.
+"""C++ text of products of matrices and vectors: y_i = sum over j of W_ij x_j.
 
-Several results at a time stay in registers: a number of W is spread to all lanes as it is read, one
-of x is read once for all of them, and no sum waits for its own last addition.
+Several results at a time stay in registers: a number of W that all samples share is spread to all
+lanes as it is read, one of x is read once for all of them, and no sum waits for its own last
+addition.
 """
 
 from __future__ import annotations
@@ -16,16 +17,18 @@ from .indices import composed, index_text, linear, reduced_maps
 if TYPE_CHECKING:
     from .writer import Writer
 
-#: Results at a time.
-BLOCK = 8
+#: Results at a time; so many results, and terms, are worth it where no factor is shared.
+BLOCK, MANY, LONG = 8, 9, 16
 
 
-def is_shared_product(node: Node, stored: set[int]) -> bool:
-    """Whether a stored node is a sum of products, written out, with a shared factor."""
+def is_product(node: Node, stored: set[int]) -> bool:
+    """Whether a stored node is a sum of products, written out, that is better taken in blocks."""
     if node.op != "sum" or node.kind != "f" or node.size == 1:
         return False
     (a,) = node.args
-    return a.op == "mul" and a.number not in stored and any(map(_is_shared, a.args))
+    if a.op != "mul" or a.number in stored:
+        return False
+    return any(map(_is_shared, a.args)) or (node.size >= MANY and a.size >= LONG * node.size)
 
 
 def _is_shared(x: Node) -> bool:

@@ -21,9 +21,11 @@ ALIKE = ("clock", "shared")
 class Writer:
     """Writes statements; `unroll` is how many turns a loop may have to be unrolled."""
 
-    def __init__(self, outputs: Sequence[Output], unroll: int, real: Real = DOUBLE) -> None:
+    def __init__(
+        self, outputs: Sequence[Output], unroll: int, real: Real = DOUBLE, blocks: bool = False
+    ) -> None:
         self.real = real
-        self.plan: Plan = make_plan(outputs)
+        self.plan: Plan = make_plan(outputs, blocks)
         self._unroll = unroll
         self._lines: list[str] = []
         self._depth = 0

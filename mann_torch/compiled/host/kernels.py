@@ -23,6 +23,7 @@ from torch import Tensor
 
 from ...errors import KernelError
 from .cache import loaded_safely, temporary_folder
+from .launching import direct, launch, recorded, single
 
 log = logging.getLogger("mann_torch")
 #: Warp may be started, and a kernel built, by one thread at a time.
@@ -120,15 +121,10 @@ class Kernel:
 
         Packing the arguments each time would take a millisecond.
         """
-        import warp as wp
-
-        command = wp.launch(
-            self._made,
-            dim=count,
-            inputs=[wp.from_torch(table, dtype=wp.int64), offset, 0, 0],
-            device=self._device,
-            record_cmd=True,
-        )
+        found = direct(self._made, count) if self._device == "cpu" else None
+        if found is not None:
+            return launch(found, table, offset)
+        command = recorded(self._made, table, offset, count, self._device)
 
         def run(first: int, last: int) -> None:
             command.set_param_at_index(2, first)
@@ -137,19 +133,15 @@ class Kernel:
 
         return run
 
-    def single(self, table: Tensor, count: int) -> Callable[[], object]:
-        """A launch over the first `count` groups and the first step alone: no ado."""
-        import warp as wp
+    def single(self, table: Tensor, count: int = 1) -> Callable[[], Any]:
+        """One step of `count` groups, as often as it is called: nothing is packed again.
 
-        command = wp.launch(
-            self._made,
-            dim=count,
-            inputs=[wp.from_torch(table, dtype=wp.int64), 0, 0, 1],
-            device=self._device,
-            record_cmd=True,
-        )
-        launch: Callable[[], object] = command.launch
-        return launch
+        What the table points at must live as long.
+        """
+        found = direct(self._made, count) if self._device == "cpu" else None
+        if found is None:
+            return functools.partial(self.prepared(table, 0, count), 0, 1)
+        return single(found, table)
 
 
 def kernel(text: str, lanes: int, device: str = "cpu") -> Kernel:

@@ -11,7 +11,7 @@ import re
 from ..real import DOUBLE, Real
 from .exponentials import EXPONENTIALS
 from .logarithms import LOGARITHMS
-from .singles import widening
+from .singles import singles, wide_lanes
 from .special import SPECIAL
 from .trigonometry import TRIGONOMETRY
 from .types import check_lanes, lane_types, narrowed, primitives
@@ -32,8 +32,9 @@ def lane_library(lanes: int, qualifier: str = "", real: Real = DOUBLE) -> str:
     if real is DOUBLE:
         text = primitives(lanes) + _BASIC + _MORE + EXPONENTIALS + LOGARITHMS
         return _qualified(text + TRIGONOMETRY + SPECIAL, lanes, qualifier)
-    wide = f"struct Wide {{\n{lane_types(lanes)}{lane_library(lanes, qualifier)}}};\n"
-    text = primitives(lanes, real) + narrowed(_BASIC) + widening(lanes)
+    half = wide_lanes(lanes)
+    wide = f"struct Wide {{\n{lane_types(half)}{lane_library(half, qualifier)}}};\n"
+    text = primitives(lanes, real) + narrowed(_BASIC) + singles(lanes)
     return wide + _qualified(text, lanes, qualifier)
 
 

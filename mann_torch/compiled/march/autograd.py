@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import torch
@@ -69,20 +70,30 @@ class _Slope(torch.autograd.Function):
         motion: Tensor | None,
         state: Tensor | None,
     ) -> Any:
-        program = marcher.job.program
+        scope = marcher.job.program.scope
         found_c, found_s, start, sums = marcher.gradient(motion, state)
         wanted, moving = marcher.job.wanted
-        full_c, full_s, full = map(torch.zeros_like, (constants, segments, shared))
-        full_c[:, program.scope.constant_columns(wanted)] = found_c
-        full_s[..., program.scope.segment_columns(moving)] = found_s
-        full[program.scope.constant_columns(wanted, "shared")] = sums
-        return full_c, full_s, start, full
+        return (
+            _spread(constants, found_c, lambda: scope.constant_columns(wanted)),
+            _spread(segments, found_s, lambda: scope.segment_columns(moving)),
+            start,
+            _spread(shared, sums, lambda: scope.constant_columns(wanted, "shared")),
+        )
 
     @staticmethod
     def backward(ctx: Any, *slopes: Tensor | None) -> Any:
         raise KernelError(
             "the compiled engine has first derivatives only: for second ones take engine='torch'"
         )
+
+
+def _spread(like: Tensor, found: Tensor, columns: Callable[[], Tensor]) -> Tensor:
+    """Gradients of some columns, and zeros for the others."""
+    if found.shape == like.shape:  # all of them are wanted
+        return found
+    full = torch.zeros_like(like)
+    full[..., columns()] = found
+    return full
 
 
 def march(

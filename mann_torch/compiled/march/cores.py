@@ -44,12 +44,14 @@ def pool(size: int) -> ThreadPoolExecutor:
 
 
 def run_all(launches: Sequence[Callable[[int, int], None]], first: int, last: int) -> None:
-    """One launch on each core, over a range of steps."""
+    """One launch on each core, this one too, over a range of steps."""
     if len(launches) == 1:
         launches[0](first, last)
         return
-    done = [pool(len(launches)).submit(launch, first, last) for launch in launches]
+    others = pool(len(launches) - 1)
+    done = [others.submit(launch, first, last) for launch in launches[1:]]
     try:
+        launches[0](first, last)
         wait(done)
     finally:
         while not all(future.done() for future in done):  # Ctrl-C: they still use our memory

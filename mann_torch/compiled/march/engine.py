@@ -23,8 +23,11 @@ from .scope import Back
 
 #: Bytes of working memory, of a core and of all that work at a time.
 LIMIT = 2**32
-#: Steps of the first launch, if a state and what a step needs are no more numbers than `SMALL`.
-FIRST, SMALL = 64, 4096
+#: Steps of the first launch, if a state and what a step needs are no more numbers than `SMALL`;
+#: and groups times steps of it, where nobody watches the progress.
+FIRST, SMALL, UNWATCHED = 64, 4096, 2048
+#: Bytes of checkpoints, up to which there is one a step: no step is run again.
+EVERY_STEP = 2**25
 
 
 @dataclass(frozen=True)
@@ -121,6 +124,8 @@ class Marcher:
         """Room for checkpoints: every FINE steps, or as far apart as memory asks."""
         size = self._real.bytes * self._lanes * groups * (f + k)
         steps = self.job.n_steps
+        if steps * size <= min(EVERY_STEP, self.job.tape_memory):
+            self._stride = 1
         while self._stride < steps and -(-steps // self._stride) * size > self.job.tape_memory:
             self._stride *= 2
         count = -(-steps // self._stride)
@@ -175,8 +180,15 @@ class Marcher:
         job = self.job
         text = job.program.forward(self._lanes)
         run = self._launch(kernel(text.text, self._lanes, job.device), text.heap, (None,))
-        small = text.heap + job.program.layout.size("f") <= SMALL
-        run_in_pieces(job.n_steps, FIRST if small else 1, run, job.progress)
+        run_in_pieces(job.n_steps, self._first(text.heap), run, job.progress)
+
+    def _first(self, heap: int) -> int:
+        """Steps of the first launch."""
+        if heap + self.job.program.layout.size("f") > SMALL:
+            return 1
+        if self.job.progress is not None:
+            return FIRST
+        return max(FIRST, UNWATCHED * self._parts // self._groups)
 
     def _launch(
         self, made: Kernel, heap: int, more: Sequence[Tensor | None]
@@ -226,7 +238,8 @@ class Marcher:
         given = [None if g is None else g.contiguous().to(job.device) for g in (motion, state)]
         run = self._launch(made, self._backward_heap(), (adj, found_c, found_s, *given, sums))
         blocks = -(-job.n_steps // self._stride)
-        run_in_pieces(blocks, 1, lambda first, last: run(blocks - last, blocks - first))
+        size = max(1, self._first(self._backward_heap() - R) // (4 * self._stride))
+        run_in_pieces(blocks, size, lambda first, last: run(blocks - last, blocks - first))
         found = (from_lanes(x, self.batch).cpu() for x in (found_c, found_s, adj, sums))
         constants, segments, first_carry, each = found
         return constants, segments, first_carry, each.sum(0)

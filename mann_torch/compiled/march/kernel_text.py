@@ -13,8 +13,9 @@ from ..lanes.library import lane_library
 from ..lanes.linear import linear_library
 from ..lanes.types import lane_types
 from .layout import Layout
-from .loop_forms import marched
+from .loop_forms import marched, turned
 from .loop_text import AFTER, BACKWARD, COMMON, FINE, FORWARD, GATHER, TOOLS
+from .turn_text import turn_text
 
 #: Bytes of arrays that a step may keep on the stack; beyond that they lie in the caller's memory.
 STACK = 256 * 1024
@@ -77,7 +78,7 @@ def forward_text(
         bodies.append(skeleton.forward)
         room += skeleton.room
     head = _head(layout, lanes, Sizes(), skeleton)
-    loop = _marched([TOOLS, COMMON, watch], layout)
+    loop = _marched([TOOLS, COMMON, watch], layout, lanes)
     text = "\n".join([head, *bodies, *loop, "}"])
     return KernelText(text, _common_room(layout) + room)
 
@@ -97,15 +98,17 @@ def backward_text(
         bodies += [skeleton.forward, skeleton.backward]
         room += max(skeleton.room, skeleton.room_backward)
     head = _head(layout, lanes, sizes, skeleton)
-    loop = _marched([TOOLS, GATHER, COMMON, walk], layout)
+    loop = _marched([TOOLS, GATHER, COMMON, walk], layout, lanes)
     text = "\n".join([head, *bodies, *loop, "}"])
     f, k = layout.size("f"), layout.size("k")
     own = f + sum(sizes) + (FINE + 1) * (f + k)
     return KernelText(text, _common_room(layout) + own + room)
 
 
-def _marched(parts: Sequence[str], layout: Layout) -> list[str]:
-    return [marched(part, layout.real, layout.size("shared") > 0) for part in parts]
+def _marched(parts: Sequence[str], layout: Layout, lanes: int) -> list[str]:
+    shared = layout.size("shared") > 0
+    turn = [turn_text(lanes)] if turned(layout.real, shared) else []
+    return [marched(part, layout.real, shared) for part in [*turn, *parts]]
 
 
 def _common_room(layout: Layout) -> int:
@@ -154,7 +157,7 @@ def _written(functions: Sequence[Function], lanes: int, layout: Layout) -> tuple
 
 def _struct(function: Function, lanes: int, layout: Layout) -> tuple[str, int]:
     real, shared = layout.real, layout.size("shared") > 0
-    writer = Writer(function.outputs, _UNROLL[lanes], real)
+    writer = Writer(function.outputs, _UNROLL[lanes], real, turned(real, shared))
     lines = writer.text()
     arrays = writer.plan.arrays
     total = sum(size for size, _ in arrays.values())

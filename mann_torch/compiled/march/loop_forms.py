@@ -27,13 +27,70 @@ V* const part_shared = heap; heap += N_WANTED_SHARED;
 }
 
 
+_ROWS = r"""
+      for (int l = 0; l < LANES && (long long)g * LANES + l < B; ++l) {
+"""
+_FROM = "        const double* from = @ + (long long)g * LANES + l) * #;"
+# Number by number -> in squares.
+_TURNED = {
+    _ROWS
+    + """        double* out = motion + ((long long)row * B + (long long)g * LANES + l) * N_MOTION;
+        for (int e = 0; e < N_MOTION; ++e) out[e] = Watch::get(f[e], l);
+      }
+""": """
+      Turn::out(motion + ((long long)row * B + (long long)g * LANES) * N_MOTION, f, N_MOTION,
+                B - (long long)g * LANES);
+""",
+    _ROWS
+    + """        const long long at = (long long)kept_row * B + (long long)g * LANES + l;
+        for (int e = 0; e < N_F; ++e) state_f[at * N_F + e] = Watch::get(f[e], l);
+""": """
+      Turn::out(state_f + ((long long)kept_row * B + (long long)g * LANES) * N_F, f, N_F,
+                B - (long long)g * LANES);
+    if (kept_row >= 0)"""
+    + _ROWS
+    + """        const long long at = (long long)kept_row * B + (long long)g * LANES + l;
+""",
+    _ROWS
+    + _FROM.replace("@", "g_motion + ((long long)row * B").replace("#", "N_MOTION")
+    + """
+        for (int e = 0; e < N_MOTION; ++e) put(adj[e], l, get(adj[e], l) + from[e]);
+      }
+""": """
+      Turn::add(adj, g_motion + ((long long)row * B + (long long)g * LANES) * N_MOTION, N_MOTION,
+                B - (long long)g * LANES);
+""",
+    _ROWS
+    + _FROM.replace("@", "g_state + ((long long)whole * B").replace("#", "N_F")
+    + """
+        for (int e = 0; e < N_F; ++e) put(adj[e], l, get(adj[e], l) + from[e]);
+      }
+""": """
+      Turn::add(adj, g_state + ((long long)whole * B + (long long)g * LANES) * N_F, N_F,
+                B - (long long)g * LANES);
+""",
+}
+
+
 def marched(text: str, real: Real, shared: bool) -> str:
-    """Text of the loop in an arithmetic, with or without constants that samples share."""
+    """Text of the loop in an arithmetic, with or without constants that samples share.
+
+    Rows of samples are turned in squares there; not where float64 samples share none: that text,
+    and what is compiled of it, stays as it is.
+    """
     for name, more in _SHARED.items():
         text = text.replace(name, more if shared else "")
+    if turned(real, shared):
+        for plain, square in _TURNED.items():
+            text = text.replace(plain, square)
     if real is FLOAT:
         text = re.sub(r"\bdouble\b", "float", text)
         text = re.sub(
             r"long long\* const state_k = \(long long\*\)", "int* const state_k = (int*)", text
         )
     return text
+
+
+def turned(real: Real, shared: bool) -> bool:
+    """Whether `Turn` is needed."""
+    return real is FLOAT or shared

@@ -7,14 +7,17 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 from torch.fx import GraphModule
 
-from ..cpp.plan import Output
-from ..graph.nodes import Graph, Node, reachable
+from ..cpp.plan import SUMS, Output
+from ..graph.nodes import Graph, Node, number_of, reachable
+from ..graph.reshapes import narrow
+from ..graph.views import cuts
 from ..lowering import lower
 from ..trace.telling import UntraceableError
 from ..trace.tracing import trace, trace_vjp
@@ -162,11 +165,11 @@ class Scope:
         places += [("g_segment", o) for o in offsets([layout.segments[i] for i in back.segments])]
         places += [("adj_out", layout.carry_places[i][1]) for i in layout.floating]
         places += [(place, piece.own[number].offset) for number, place in back.own]
-        return [
-            Output(node, place, offset)
-            for node, (place, offset) in zip(found, places, strict=True)
-            if node.size
-        ]
+        outputs = []
+        for node, (place, offset) in zip(found, places, strict=True):
+            parts = _parts(g, node) if place == SUMS else [(node, 0)]
+            outputs += [Output(part, place, offset + start) for part, start in parts if part.size]
+        return outputs
 
     def _gradient_places(self, chosen: Sequence[int]) -> list[tuple[str, int]]:
         """Where the gradients of constants go: g_constant or g_shared, and the offset."""
@@ -178,11 +181,11 @@ class Scope:
 
     def sizes(self, back: Back) -> tuple[int, int, int]:
         """How many numbers of constants, of segments and of shared constants have gradients."""
-        constants, shared = (
-            len(self.constant_columns(back.constants, place)) for place in ("constant", "shared")
-        )
+        ends = {"constant": 0, "shared": 0}
+        for leaf in (self.layout.constants[i] for i in back.constants):
+            ends[leaf.place] += math.prod(leaf.shape)
         segments = (self.layout.segments[i] for i in back.segments)
-        return constants, sum(map(math.prod, segments)), shared
+        return ends["constant"], sum(map(math.prod, segments)), ends["shared"]
 
     def constant_columns(self, chosen: Sequence[int], place: str = "constant") -> Tensor:
         """Columns of the array of constants, or of shared ones, that the chosen ones take."""
@@ -206,6 +209,16 @@ def carried(layout: Layout, chosen: Sequence[int] | None = None) -> tuple[Result
         Result(f"{layout.carry_places[i][0]}_out", layout.carry_places[i][1], layout.carry[i])
         for i in numbers
     )
+
+
+def _parts(g: Graph, x: Node) -> list[tuple[Node, int]]:
+    """The rows that a gradient is made of, and where each begins; none that are zero."""
+    if not x.shape:
+        return [(x, 0)]
+    edges = [0, *sorted(cuts(g, x).get(0, ())), x.shape[0]]
+    row = math.prod(x.shape[1:])
+    parts = [(narrow(g, x, 0, a, b - a), a * row) for a, b in pairwise(edges)]
+    return [(part, start) for part, start in parts if number_of(part) != 0]
 
 
 def _operations(made: GraphModule) -> list[str]:
