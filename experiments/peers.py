@@ -48,7 +48,7 @@ def checked(cfg: Any) -> PeersConfig:
     check_pictures(plain.output)
     check_variants(plain.variants, PEERS)
     check_variants(plain.tasks, tuple(TASKS), "task")
-    check_between(plain, dict.fromkeys(("n_slots", "hidden_size", "context_size"), (1, 1000)))
+    check_between(plain, dict.fromkeys(("n_slots", "hidden_size"), (1, 1000)))
     check_between(plain, dict.fromkeys(("every", "evaluated", "tested"), (1, 10**6)))
     check_between(plain, {"seeds": (1, 1000), "seed": (0, 2**31), "member": (0, plain.tested - 1)})
     for variant in plain.variants:

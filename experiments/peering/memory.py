@@ -8,25 +8,14 @@ import mann_torch as mt
 
 from ..settings.peers_config import PeersConfig
 
-#: `memory` is the cell as it is meant to be used, `memory_paper` the paper's law.
+#: `memory` is the cell with its defaults, `memory_paper` the paper's law.
 MEMORIES = ("memory", "memory_paper")
 
 
 def build_cell(cfg: PeersConfig, variant: str, n_inputs: int, size: int, out: int) -> mt.MemoryCell:
-    """The cell of a variant."""
-    if variant == "memory_paper":
-        return mt.MemoryCell(n_inputs, size, cfg.n_slots, output_size=out)
-    cell = mt.MemoryCell(
-        n_inputs,
-        size,
-        cfg.n_slots,
-        key_rule=mt.StateKeys(),
-        context_size=cfg.context_size,
-        output_size=out,
-        clock=True,
-    )
-    cell.tune("dt", "write_gain", "key_rate")
-    return cell
+    """The cell of a variant, with its defaults."""
+    make = mt.MemoryCell.paper if variant == "memory_paper" else mt.MemoryCell
+    return make(n_inputs, size, cfg.n_slots, output_size=out)
 
 
 class Memory(nn.Module):

@@ -67,7 +67,6 @@ class PeersConfig:
     shares: dict[str, float] = field(default_factory=dict)  # times a task's iterations; else 1
     hidden_size: int = 32  # N of `memory`; the others get as many parameters
     n_slots: int = 8  # S
-    context_size: int = 8  # width of the memory's keys
     every: int = 20  # iterations from one evaluation to the next
     evaluated: int = 200  # sequences of an evaluation on the way
     tested: int = 1000  # new sequences at the end

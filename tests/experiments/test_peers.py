@@ -21,7 +21,7 @@ from tests.experiments.command import exit_code, logged
 VARIANTS = [v for v in PEERS if v != "titans" or titans.is_installed()]
 SHORT = ["seeds=2", "workers=1", "tested=10", "evaluated=5", "every=2", "shares={lstm:1,titans:1}"]
 SHORT += [f"{task}.{what}" for task in TASKS for what in ("iterations=3", "batch=2")]
-SHORT += ["gap.longest=12", "copy.gap=3", "hidden_size=6", "context_size=3", "n_slots=3"]
+SHORT += ["gap.longest=12", "copy.gap=3", "hidden_size=6", "n_slots=3"]
 
 
 @pytest.mark.parametrize("name", TASKS)
@@ -45,7 +45,7 @@ def test_widths_are_those_whose_parameters_are_nearest_to_the_memorys(name: str)
 @pytest.mark.parametrize("variant", VARIANTS)
 @torch.no_grad()
 def test_no_model_sees_what_comes_later_or_after_the_end(variant: str) -> None:
-    cfg = PeersConfig(hidden_size=8, context_size=4, gap=GapConfig(longest=12, shortest=3))
+    cfg = PeersConfig(hidden_size=8, gap=GapConfig(longest=12, shortest=3))
     task = TASKS["gap"](cfg)
     batch = task.draw(3, torch.Generator().manual_seed(0))
     model = build_model(cfg, task, variant, 5)
@@ -65,7 +65,7 @@ def test_no_model_sees_what_comes_later_or_after_the_end(variant: str) -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_the_seed_alone_sets_first_weights_and_all_of_them_learn(variant: str) -> None:
-    cfg = PeersConfig(hidden_size=8, context_size=4)
+    cfg = PeersConfig(hidden_size=8)
     task = TASKS["recall"](cfg)
     batch = task.draw(4, torch.Generator().manual_seed(0))
     first, same, other = (build_model(cfg, task, variant, seed) for seed in (1, 1, 2))
@@ -93,7 +93,7 @@ def test_a_training_ends_when_all_is_right_twice_running() -> None:
 
 def test_a_short_training_of_the_cell_beats_what_can_be_had_without_matching_keys() -> None:
     cfg = PeersConfig(
-        **{"hidden_size": 16, "n_slots": 3, "context_size": 4, "rates": {"memory": 0.02}},
+        **{"hidden_size": 16, "n_slots": 3, "rates": {"memory": 0.01}},
         recall=RecallConfig(n_keys=3, n_values=2, n_pairs=2, iterations=120, batch=64),
     )
     found = learn(cfg, "recall", "memory", 0)
