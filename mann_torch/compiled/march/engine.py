@@ -249,7 +249,10 @@ class Marcher:
 
     def forget_outputs(self) -> None:
         """Let go of the outputs, which refer back to this object through their gradient."""
-        self.motion, self.state_f = self.motion[:0], self.state_f[:0]
+        # New tensors: a slice would itself have a gradient that refers back.
+        self.motion, self.state_f = (
+            x.new_empty((0, *x.shape[1:])) for x in (self.motion.detach(), self.state_f.detach())
+        )
 
 
 def _rows(slots: Tensor) -> int:
