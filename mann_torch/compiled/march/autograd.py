@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ...errors import KernelError
-from .engine import Job, Marcher, Moved
+from .engine import Job, Marcher
 from .layout import Moved
 
 

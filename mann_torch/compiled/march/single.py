@@ -7,7 +7,8 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from .engine import Job, Marcher, Moved
+from .engine import Job, Marcher
+from .layout import Moved
 from .packing import from_lanes, to_lanes
 
 #: Places in a kernel's table (`loop_text`): what a step takes, and what is carried.
