@@ -7,17 +7,11 @@ import torch
 from torch import Tensor
 
 import mann_torch as mt
-from mann_torch.memory import KEY_RULES
-from tests.contracts.test_cell_contract import QUICK, B, make_cell, somewhere, stream
-from tests.contracts.test_memory_contract import ATTENTION_NAMES
+from tests.contracts.test_cell_contract import CELLS, QUICK, B, make_cell, somewhere, stream
 
-quick_pairs = pytest.mark.parametrize(
+quick_cells = pytest.mark.parametrize(
     ("attention", "rule"),
-    [
-        (a, r) if (a, r) in QUICK else pytest.param(a, r, marks=pytest.mark.slow)
-        for a in ATTENTION_NAMES
-        for r in KEY_RULES
-    ],
+    [pair if pair in QUICK else pytest.param(*pair, marks=pytest.mark.slow) for pair in CELLS],
 )
 
 
@@ -50,7 +44,7 @@ def close(mine: Tensor, theirs: Tensor, share: float) -> None:
     torch.testing.assert_close(mine, theirs, rtol=0, atol=share * max(scale, 1.0))
 
 
-@quick_pairs
+@quick_cells
 @pytest.mark.parametrize(("dtype", "share"), [(torch.float64, 1e-11), (torch.float32, 1e-5)])
 def test_both_engines_agree_in_values_and_gradients(
     attention: str, rule: str, dtype: torch.dtype, share: float
@@ -68,7 +62,7 @@ def test_both_engines_agree_in_values_and_gradients(
     assert sum(bool((g != 0).any()) for g in theirs[2]) >= 6
 
 
-@quick_pairs
+@quick_cells
 def test_marks_begin_anew_and_stand_still_exactly(attention: str, rule: str) -> None:
     cell, T = make_cell(attention, rule).double(), 12
     x = stream(B, steps=T, dtype=torch.float64)
