@@ -87,7 +87,7 @@ class OnlineLearner(nn.Module):
         if variant in attentions:
             width = n_hidden + (variant == "readouts")
             rule = mt.StateKeys(cfg.key_rate) if variant == "readouts" else None
-            self.cell = mt.MemoryCell(
+            self.cell = mt.MemoryCell.paper(
                 width + PRINTS,
                 width,
                 cfg.n_slots,

@@ -6,7 +6,7 @@ This package imports nothing of control, plants or solvers: other learning code 
 from ..registry import Registry
 from .attention import Attention
 from .cell import MemoryCell
-from .cell_state import Attended, CellState
+from .cell_state import Attended, CellState, Looked
 from .hard import HardAttention
 from .keys import KeyRule, RepresentationKeys, StateKeys
 from .reallocating import PHASES, ReallocatingAttention
@@ -38,6 +38,7 @@ __all__ = [
     "CellState",
     "HardAttention",
     "KeyRule",
+    "Looked",
     "MemoryCell",
     "MemorySequence",
     "MemoryStream",

@@ -114,9 +114,14 @@ class MemoryCell(CellFlow):
         self.inertia = Inertia(input_size, hidden_size) if flag("inertia", inertia) else None
         if features is None:
             features = nn.Linear(input_size, hidden_size)
-            features = features if inertia else nn.Sequential(features, nn.Sigmoid())
+            if self.inertia is not None:
+                self.inertia.begin(features.weight)
+            else:
+                features = nn.Sequential(features, nn.Sigmoid())
         self.features = instance("features", features, nn.Module)
         self.clock = nn.Linear(input_size, 1) if flag("clock", clock) else None
+        if self.clock is not None:
+            nn.init.ones_(self.clock.bias)  # what comes is written, until it is learned what not to
         fed_back = clock and inertia
         self.clock_feedback = nn.Linear(hidden_size, 1, bias=False) if fed_back else None
         self.mix = nn.Linear(hidden_size, hidden_size, bias=False) if inertia else None
@@ -154,11 +159,9 @@ class MemoryCell(CellFlow):
     def _make_context(self, key_rule: KeyRule, context_size: int | None, directions: bool) -> int:
         """What keys are compared with, and its width."""
         self.context = nn.Identity()
-        if not key_rule.compares_context:
-            context_size = None
-        if context_size is None:
+        width = self.input_size if context_size is None else whole("context_size", context_size)
+        if context_size is None or not key_rule.compares_context:
             return self.input_size
-        width = whole("context_size", context_size)
         kind = Directions if directions else nn.Linear
         self.context = kind(self.input_size, width)
         return width

@@ -60,6 +60,8 @@ class CellStep(DesignModule):
                 f".to({x.dtype})"
             )
         x = x.to(self.dtype)
+        if dt is not None:
+            check_tensor("dt", dt, (), self.dtype)
         span = self.dt if dt is None else dt
         pace = x[..., :0] if self.inertia is None else self.inertia.pace(x)
         clock = span if self.clock is None else self.clock(x).squeeze(-1)

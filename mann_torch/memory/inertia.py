@@ -33,8 +33,14 @@ class Inertia(nn.Module):
         share = torch.exp(-(math.log(SHORTEST) + span * torch.rand(hidden_size))).clamp(max=MOST)
         with torch.no_grad():
             self.pace.bias.copy_(torch.logit(share))
-            for layer in (self.pace, self.feedback, self.pace_feedback):
-                nn.init.uniform_(layer.weight, -(hidden_size**-0.5), hidden_size**-0.5)
+        for layer in (self.pace, self.feedback, self.pace_feedback):
+            self.begin(layer.weight)
+
+    @staticmethod
+    def begin(weight: Tensor) -> None:
+        """Fill a weight (N, anything) as `nn.LSTM` does: uniform within 1 / sqrt(N) of 0."""
+        bound = len(weight) ** -0.5
+        nn.init.uniform_(weight, -bound, bound)
 
     def forward(self, target: Tensor, pace: Tensor, before: Tensor) -> Tensor:
         """sigma (..., N) a step later, from a, b and sigma before, each (..., N)."""

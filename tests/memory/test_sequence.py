@@ -12,7 +12,7 @@ from tests.memory.cells import WIDTH, N, S, make_cell
 
 
 def test_it_is_called_as_an_lstm_is() -> None:
-    cell, lstm = mt.MemoryCell(10, 20), nn.LSTM(10, 20, batch_first=True)
+    cell, lstm = mt.MemoryCell(10, 20, 5), nn.LSTM(10, 20, batch_first=True)
     x = torch.randn(4, 7, 10)
     outputs, state = mt.MemorySequence(cell, batch_first=True)(x)
     assert outputs.shape == lstm(x)[0].shape and outputs.dtype == x.dtype
