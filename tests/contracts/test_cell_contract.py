@@ -136,7 +136,7 @@ def test_the_ode_form_is_there_or_refused_by_name(attention: str, rule: str) -> 
         if flows(cell):
             ask(x, cell.initial_state(B))
         else:
-            with pytest.raises(mt.ConfigError, match="MemoryCell.paper"):
+            with pytest.raises(mt.ConfigError, match=r"MemoryCell\.paper"):
                 ask(x, cell.initial_state(B))
 
 
