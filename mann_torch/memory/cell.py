@@ -173,7 +173,7 @@ class MemoryCell(CellFlow):
         in_turn = self.writing == "next"
         mu = gain * torch.rand(shape, dtype=torch.float64)
         self.slots = nn.Parameter(torch.zeros_like(mu) if in_turn else mu)
-        self.slot_keys = nn.Parameter(torch.zeros_like(keys) if in_turn else torch.randn_like(keys))
+        self.slot_keys = nn.Parameter((0.1 if in_turn else 1.0) * torch.randn_like(keys))
 
     def initial_state(self, batch_shape: Sequence[int] | int = ()) -> CellState:
         """State before the first step: `slots` and `slot_keys`, or what `memory.store_` kept."""

@@ -63,16 +63,15 @@ class WorkingMemory(DesignModule):
         self.initial_active: Tensor
         self.has_contents: Tensor
         width = self.key_rule.width(context_width)
-        self.register_buffer("initial_mu", torch.zeros(n_slots, n_hidden, dtype=torch.float64))
-        self.register_buffer("initial_keys", torch.zeros(n_slots, width, dtype=torch.float64))
+        for name, size in (("initial_mu", n_hidden), ("initial_keys", width)):
+            self.register_buffer(name, torch.zeros(n_slots, size, dtype=torch.float64))
         self.register_buffer("initial_active", torch.ones(n_slots, dtype=torch.bool))
         self.register_buffer("has_contents", torch.tensor(False))
 
     def initial_state(self, hidden: Tensor, context: Tensor) -> MemoryState:
         """Memory at t = 0 for features (..., N) and context (..., C).
 
-        Every slot c_w sigma with fresh keys, or the stored contents. Raises `ShapeError`,
-        `DtypeError`.
+        Each slot c_w sigma with a fresh key, or what is stored. Raises `ShapeError`, `DtypeError`.
         """
         self._check(hidden, context)
         fixed_point = (self.write_gain.unsqueeze(-1) * hidden).unsqueeze(-2)
@@ -83,9 +82,9 @@ class WorkingMemory(DesignModule):
         return MemoryState(mu, torch.where(stored, self.initial_keys, fresh).expand(*batch, -1, -1))
 
     def initial_mode(self, batch_shape: Sequence[int]) -> MemoryMode:
-        """All slots active, or only the first where attention grows the set, or those stored.
+        """All slots active, the first where attention grows the set, or those stored.
 
-        Boolean, or numbers where attention is `graded`.
+        Boolean; numbers where attention is `graded`.
         """
         batch_shape = sizes("batch_shape", batch_shape)
         fresh = torch.ones_like(self.initial_active)
@@ -119,9 +118,11 @@ class WorkingMemory(DesignModule):
     def attend(
         self, hidden: Tensor, context: Tensor, memory: MemoryState, mode: MemoryMode
     ) -> tuple[Tensor, Tensor]:
-        """Weights w_r (..., S) and read h_o (..., N) alone. Raises as `forward`."""
+        """Weights w_r (..., S) and read h_o (..., N). Raises as `forward`."""
         self._check(hidden, context, (memory, mode))
         weights = self._attend(hidden, context, memory, mode)
+        found = f"weights of {type(self.attention).__name__}"
+        check_together([(found, weights, (self.n_slots,), self.initial_mu.dtype)])
         return weights, row_times(weights, memory.mu)
 
     def offset(self, hidden: Tensor, correction: Tensor | None, memory: MemoryState) -> Tensor:
