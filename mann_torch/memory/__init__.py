@@ -7,7 +7,9 @@ from ..registry import Registry
 from .attention import Attention
 from .cell import MemoryCell
 from .cell_state import Attended, CellState, Looked
+from .directions import Directions
 from .hard import HardAttention
+from .inertia import Inertia
 from .keys import KeyRule, RepresentationKeys, StateKeys
 from .reallocating import PHASES, ReallocatingAttention
 from .relaxed import RelaxedAttention
@@ -36,7 +38,9 @@ __all__ = [
     "Attended",
     "Attention",
     "CellState",
+    "Directions",
     "HardAttention",
+    "Inertia",
     "KeyRule",
     "Looked",
     "MemoryCell",

@@ -44,7 +44,7 @@ class MemoryStream:
         except UntraceableError as error:
             raise ConfigError(f"a stream needs the compiled engine: {error}") from None
         self._shape = torch.Size((*self.batch_shape, cell.input_size))
-        self._size = self._streamed.size
+        self._flat = torch.Size((self._streamed.size,))
         self._dtype = cell.dtype
 
     def __call__(
@@ -56,8 +56,8 @@ class MemoryStream:
         """
         if x.__class__ is not Tensor or x.shape != self._shape or x.dtype != self._dtype:
             self._refuse("x", x, self._shape)
-        if state.__class__ is not Tensor or state.numel() != self._size:
-            self._refuse("state", state, torch.Size((self._size,)))
+        if state.__class__ is not Tensor or state.shape != self._flat or state.dtype != self._dtype:
+            self._refuse("state", state, self._flat)
         return self._streamed(x, state, dt)
 
     def _refuse(self, name: str, given: object, shape: torch.Size) -> None:
@@ -83,5 +83,5 @@ class MemoryStream:
 
     def unpacked(self, state: Tensor) -> CellState:
         """A stream's state as a cell's. Raises `KindError`, `ShapeError`, `DtypeError`."""
-        self._refuse("state", state, torch.Size((self._size,)))
+        self._refuse("state", state, self._flat)
         return self._streamed.unpacked(state)
