@@ -9,21 +9,30 @@ from ..real import FLOAT, Real
 #: Place of the first of two pointers: the shared constants, and sums of their gradients.
 SHARED = 32
 # A step's part of a sum is added where all samples live; else it is made beside, and selected.
+# Factors of outer products are kept, 0 for samples that do not live, and added now and then.
 _SHARED = {
     "$W": "shared, ",
-    "$SUM": "sum_shared, ",
+    "$SUM": "sum_shared, kept + n_kept * N_KEPT, ",
     "$COMMON": f"const double* const shared = (const double*)table[{SHARED}];\n",
     "$ROOM": f"""V* const g_shared = (V*)table[{SHARED + 1}] + (long long)g * N_WANTED_SHARED;
 V* const part_shared = heap; heap += N_WANTED_SHARED;
+V* const kept = heap; heap += KEEP * N_KEPT;
+int n_kept = 0;
 """,
     "$IN": """      V* const sum_shared = Tools::all(alive) ? g_shared : part_shared;
-      if (sum_shared != g_shared)
-        for (int e = 0; e < N_WANTED_SHARED; ++e) part_shared[e] = g_shared[e];
+      if (sum_shared != g_shared) Outer::copy(part_shared, g_shared);
 """,
-    "$OUT": """      if (sum_shared != g_shared)
-        for (int e = 0; e < N_WANTED_SHARED; ++e)
-          g_shared[e] = Tools::sel(alive, part_shared[e], g_shared[e]);
+    "$OUT": """      if (sum_shared != g_shared) {
+        Outer::hold(alive, g_shared, part_shared);
+        for (int e = n_kept * N_KEPT; e < (n_kept + 1) * N_KEPT; ++e)
+          kept[e] = Tools::sel(alive, kept[e], Tools::splat(0.0));
+      }
+      if (++n_kept == KEEP) {
+        Outer::add(g_shared, kept, n_kept);
+        n_kept = 0;
+      }
 """,
+    "$DONE": "Outer::add(g_shared, kept, n_kept);\n",
 }
 
 

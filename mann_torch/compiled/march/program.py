@@ -9,6 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from ..cpp.outer import KEPT, with_factors
 from ..cpp.plan import Output
 from ..real import real_of
 from ..trace.tracing import told
@@ -74,8 +75,13 @@ class Program:
 
     def _backward(self, lanes: int, back: Back) -> KernelText:
         (outputs,) = self.gradients(back)
-        functions = [self._function(), Function("Back", outputs, backward=True)]
-        return backward_text(self.layout, functions, Sizes(*self.scope.sizes(back)), lanes)
+        if not self.layout.size("shared"):
+            functions = [self._function(), Function("Back", outputs, backward=True)]
+            return backward_text(self.layout, functions, Sizes(*self.scope.sizes(back)), lanes)
+        outputs, outers = with_factors(self.scope.graph, outputs)
+        functions = [self._function(), Function("Back", outputs, gives=(KEPT,), backward=True)]
+        sizes = Sizes(*self.scope.sizes(back), outers)
+        return backward_text(self.layout, functions, sizes, lanes)
 
     def gradients(self, back: Back) -> list[list[Output]]:
         """Outputs of each piece's vector-Jacobian product."""
