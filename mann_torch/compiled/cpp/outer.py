@@ -17,8 +17,8 @@ from .plan import SUMS, Output
 
 #: The array of the caller that factors are written to, and the steps whose factors it holds.
 KEPT, KEEP = "kept", 8
-#: Sums that are worth it.
-_LEAST = 256
+#: Sums that are worth it; so many products a step may add to each at most.
+_LEAST, _MOST = 256, 4
 
 
 class Outer(NamedTuple):
@@ -27,8 +27,7 @@ class Outer(NamedTuple):
     sums: int
     rows: int
     columns: int
-    left: int
-    right: int
+    terms: tuple[tuple[int, int], ...]  # of a step: left, right
 
 
 class Outers(NamedTuple):
@@ -44,30 +43,47 @@ def with_factors(g: Graph, outputs: Sequence[Output]) -> tuple[list[Output], Out
     places: dict[int, Output] = {}
     width = 0
     for output in outputs:
-        factors = _factors(g, output.node) if output.place == SUMS else None
-        if factors is None:
+        terms = _terms(g, output.node) if output.place == SUMS else None
+        if terms is None:
             others.append(output)
             continue
-        for x in factors:
+        for x in (x for term in terms for x in term):
             if x.number not in places:
                 places[x.number] = Output(x, KEPT, width)
                 width += x.size
-        left, right = (places[x.number].offset for x in factors)
-        found.append(Outer(output.offset, factors[0].size, factors[1].size, left, right))
+        (rows, columns), *_ = [(a.size, b.size) for a, b in terms]
+        kept = tuple((places[a.number].offset, places[b.number].offset) for a, b in terms)
+        found.append(Outer(output.offset, rows, columns, kept))
     return [*others, *places.values()], Outers(tuple(found), width)
 
 
-def _factors(g: Graph, x: Node) -> tuple[Node, Node] | None:
-    """Vectors a (n,), b (m,) whose outer product x is."""
+def _terms(g: Graph, x: Node) -> list[tuple[Node, Node]] | None:
+    """Pairs of vectors a (n,), b (m,) whose outer products x is the sum of."""
     moving = [d for d, n in enumerate(x.shape) if n != 1]
     if len(moving) != 2 or x.size < _LEAST:
         return None
-    source = x.args[0] if x.op == "view" else x
-    if source.op != "mul":
-        return None
-    a, b = (view(g, y, x.shape, x.attributes) if x.op == "view" else y for y in source.args)
+    found: list[tuple[Node, Node]] = []
+    waiting = [x]
+    while waiting:
+        node = waiting.pop()
+        source = node.args[0] if node.op == "view" else node
+        if source.op not in ("add", "mul") or len(found) + len(waiting) > _MOST:
+            return None
+        a, b = (
+            view(g, y, node.shape, node.attributes) if node.op == "view" else y for y in source.args
+        )
+        if source.op == "add":
+            waiting += [b, a]
+            continue
+        pair = _pair(g, a, b, *moving)
+        if pair is None:
+            return None
+        found.append(pair)
+    return found
+
+
+def _pair(g: Graph, a: Node, b: Node, row: int, column: int) -> tuple[Node, Node] | None:
     for left, right in ((a, b), (b, a)):
-        row, column = moving
         if not _depends(left, column) and not _depends(right, row):
             return _along(g, left, row), _along(g, right, column)
     return None
@@ -98,7 +114,7 @@ def _along(g: Graph, x: Node, d: int) -> Node:
 
 def outer_text(outers: Outers, sums: int, tile: tuple[int, int]) -> str:
     """The struct `Outer`: `add` of what is kept, and all else that goes to the sums."""
-    sizes: set[tuple[int, int]] = set()
+    sizes: set[tuple[int, int, int]] = set()
     calls: list[str] = []
     for product in outers.products:
         calls += _calls(product, tile, sizes)
@@ -131,14 +147,15 @@ def _rest(outers: Outers, sums: int) -> list[tuple[int, int]]:
     return [(a, b) for a, b in [*found, (start, sums)] if a < b]
 
 
-def _calls(p: Outer, tile: tuple[int, int], sizes: set[tuple[int, int]]) -> list[str]:
+def _calls(p: Outer, tile: tuple[int, int], sizes: set[tuple[int, int, int]]) -> list[str]:
     lines = []
     for i, (height, end) in _steps(p.rows, tile[0], "i"):
         for j, (width, stop) in _steps(p.columns, tile[1], "j"):
-            sizes.add((height, width))
-            call = f"tile_{height}_{width}(sums + {p.sums} + {i} * {p.columns} + {j}, {p.columns},"
-            call += f" kept + {p.left} + {i}, kept + {p.right} + {j}, count);"
-            lines.append(f"{end}{stop}{call}")
+            sizes.add((height, width, len(p.terms)))
+            where = f"sums + {p.sums} + {i} * {p.columns} + {j}, {p.columns}"
+            kept = [f"kept + {left} + {i}, kept + {right} + {j}" for left, right in p.terms]
+            name = f"tile_{height}_{width}_{len(p.terms)}"
+            lines.append(f"{end}{stop}{name}({where}, {', '.join(kept)}, count);")
     return lines
 
 
@@ -153,20 +170,23 @@ def _steps(count: int, size: int, name: str) -> list[tuple[str, tuple[int, str]]
     return found
 
 
-def _tile(rows: int, columns: int) -> str:
+def _tile(rows: int, columns: int, terms: int) -> str:
     cells = [(i, j) for i in range(rows) for j in range(columns)]
     load = "\n".join(f"    V s{i}_{j} = sums[{i} * stride + {j}];" for i, j in cells)
-    read = [f"const V a{i} = left[{i}];" for i in range(rows)]
-    read += [f"const V b{j} = right[{j}];" for j in range(columns)]
-    inner = "\n".join(f"      s{i}_{j} = fma(a{i}, b{j}, s{i}_{j});" for i, j in cells)
     store = "\n".join(f"    sums[{i} * stride + {j}] = s{i}_{j};" for i, j in cells)
-    return f"""  static inline CUDA_CALLABLE void tile_{rows}_{columns}(
-      V* __restrict__ sums, int stride, const V* left, const V* right, int count) {{
+    inner = []
+    for k in range(terms):
+        read = [f"const V a{i} = left_{k}[{i}];" for i in range(rows)]
+        read += [f"const V b{j} = right_{k}[{j}];" for j in range(columns)]
+        inner.append(f"      {{ {' '.join(read)}")
+        inner += [f"        s{i}_{j} = fma(a{i}, b{j}, s{i}_{j});" for i, j in cells]
+        inner.append(f"      }} left_{k} += N_KEPT; right_{k} += N_KEPT;")
+    given = ", ".join(f"const V* left_{k}, const V* right_{k}" for k in range(terms))
+    return f"""  static inline CUDA_CALLABLE void tile_{rows}_{columns}_{terms}(
+      V* __restrict__ sums, int stride, {given}, int count) {{
 {load}
     for (int s = 0; s < count; ++s) {{
-      {" ".join(read)}
-{inner}
-      left += N_KEPT; right += N_KEPT;
+{chr(10).join(inner)}
     }}
 {store}
   }}
