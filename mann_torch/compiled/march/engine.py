@@ -227,12 +227,13 @@ class Marcher:
         """
         job, lanes = self.job, self._lanes
         made = kernel(job.program.backward(lanes, *job.wanted).text, lanes, job.device)
-        P, Q, R = job.program.scope.sizes(Back(*job.wanted))
+        P, _, R = job.program.scope.sizes(Back(*job.wanted))
+        Q = job.program.width(Back(*job.wanted))
         adj = torch.zeros_like(self._f)
         found_c = adj.new_zeros(self._groups, P, lanes)
         rows = (self.batch, Q) if self.turned else (self._groups, Q, lanes)
         found_s = adj.new_zeros(len(self._segments), *rows)
-        sums = adj.new_zeros(self._groups, R, lanes)
+        sums = self._lent(self._groups, R, lanes).zero_()
         given = [None if g is None else g.contiguous().to(job.device) for g in (motion, state)]
         run = self._launch(made, self._backward_heap(), (adj, found_c, found_s, *given, sums))
         blocks = -(-job.n_steps // self._stride)

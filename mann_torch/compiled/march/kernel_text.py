@@ -49,6 +49,8 @@ class Sizes(NamedTuple):
     wanted_shared: int = 0
     #: Those that grow by outer products.
     outers: Outers = Outers()
+    #: From one row of segments' gradients to the next, where they lie in rows.
+    wide_segment: int = 0
 
     @property
     def total(self) -> int:
@@ -146,6 +148,7 @@ def _head(layout: Layout, lanes: int, sizes: Sizes, skeleton: Skeleton | None) -
         "N_MOTION": layout.n_motion,
         "N_WANTED": sizes.wanted,
         "N_WANTED_SEGMENT": sizes.wanted_segment,
+        **({"N_WIDE_SEGMENT": sizes.wide_segment} if is_turned(layout) else {}),
         **(_shared_numbers(sizes) if layout.size("shared") else {}),
         **({} if skeleton is None else skeleton.numbers),
     }
