@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -17,6 +16,7 @@ from .layout import Layout
 from .loop_forms import marched, turned
 from .loop_text import AFTER, BACKWARD, COMMON, FINE, FORWARD, GATHER, TOOLS
 from .turn_text import turn_text
+from .watch_text import beyond_text, why_text
 
 #: Bytes of arrays that a step may keep on the stack; beyond that they lie in the caller's memory.
 STACK = 256 * 1024
@@ -86,7 +86,7 @@ def forward_text(
 ) -> KernelText:
     """The forward march."""
     bodies, room = _written(functions, lanes, layout)
-    watch = FORWARD.replace("$BEYOND", _beyond(layout)).replace("$WHY", _why(layout))
+    watch = FORWARD.replace("$BEYOND", beyond_text(layout)).replace("$WHY", why_text(layout))
     if skeleton is not None:
         bodies.append(skeleton.forward)
         room += skeleton.room
@@ -227,28 +227,3 @@ def _struct(function: Function, lanes: int, layout: Layout) -> tuple[str, int]:
   }}
 }};"""
     return text, room
-
-
-def _ranges(layout: Layout) -> list[tuple[int, int, int]]:
-    """First and last place in `f` of each watched leaf, and its number among them."""
-    found = []
-    for number, i in enumerate(layout.watched):
-        _, offset = layout.carry_places[i]
-        found.append((number, offset, offset + math.prod(layout.carry[i].shape)))
-    return found
-
-
-def _beyond(layout: Layout) -> str:
-    lines = []
-    for _, first, last in _ranges(layout):
-        test = "bad = bad | ~lt(abs_(f[e]), splat(limit));"
-        lines.append(f"for (int e = {first}; e < {last}; ++e) {test}")
-    return "\n    ".join(lines)
-
-
-def _why(layout: Layout) -> str:
-    lines = ["int found = 0;"]
-    for number, first, last in _ranges(layout):
-        lines.append(f"found = leaf(f, l, limit, {first}, {last});")
-        lines.append(f"if (found) return {10 * number} + found;")
-    return "\n    ".join(lines)
