@@ -67,7 +67,7 @@ def _terms(g: Graph, x: Node) -> list[tuple[Node, Node]] | None:
     while waiting:
         node = waiting.pop()
         source = node.args[0] if node.op == "view" else node
-        if source.op not in ("add", "mul") or len(found) + len(waiting) > _MOST:
+        if source.op not in ("add", "mul") or len(found) + len(waiting) >= _MOST:
             return None
         a, b = (
             view(g, y, node.shape, node.attributes) if node.op == "view" else y for y in source.args
