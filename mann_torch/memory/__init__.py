@@ -11,6 +11,7 @@ from .directions import Directions
 from .hard import HardAttention
 from .inertia import Inertia
 from .keys import KeyRule, RepresentationKeys, StateKeys
+from .layers import MemoryLayers
 from .reallocating import PHASES, ReallocatingAttention
 from .relaxed import RelaxedAttention
 from .relaxing import relaxed
@@ -44,6 +45,7 @@ __all__ = [
     "KeyRule",
     "Looked",
     "MemoryCell",
+    "MemoryLayers",
     "MemorySequence",
     "MemoryStream",
     "MemoryTrace",

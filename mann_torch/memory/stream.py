@@ -11,6 +11,7 @@ from ..checks import instance, sizes
 from ..errors import ConfigError, DtypeError, ShapeError
 from .cell import MemoryCell
 from .cell_state import CellState
+from .checks import exactly
 
 
 class MemoryStream:
@@ -40,7 +41,8 @@ class MemoryStream:
         self.cell = instance("cell", cell, MemoryCell)
         self.batch_shape = sizes("batch_shape", batch_shape)
         try:
-            self._streamed = Streamed(cell, torch.Size(self.batch_shape))
+            with exactly(cell.slots.device):
+                self._streamed = Streamed(cell, torch.Size(self.batch_shape))
         except UntraceableError as error:
             raise ConfigError(f"a stream needs the compiled engine: {error}") from None
         self._shape = torch.Size((*self.batch_shape, cell.input_size))
