@@ -15,7 +15,7 @@ from .layers import MemoryLayers
 from .reallocating import PHASES, ReallocatingAttention
 from .relaxed import RelaxedAttention
 from .relaxing import relaxed
-from .sequence import MemorySequence
+from .sequence import MemorySequence, Taken
 from .soft import SoftAttention
 from .stream import MemoryStream
 from .telemetry import MemoryTrace, reallocation_log
@@ -54,6 +54,7 @@ __all__ = [
     "RepresentationKeys",
     "SoftAttention",
     "StateKeys",
+    "Taken",
     "WorkingMemory",
     "reallocation_log",
     "relaxed",

@@ -155,8 +155,10 @@ class MemoryLayers(nn.Module):
     def _states(self, state: Sequence[CellState] | None) -> Sequence[CellState | None]:
         if state is None:
             return [None] * len(self.sequences)
-        if isinstance(state, CellState) or len(state) != len(self.sequences):
-            raise ConfigError(f"state: {len(self.sequences)} of CellState are wanted, one a cell")
+        count = len(self.sequences)
+        listed = isinstance(state, list | tuple) and not isinstance(state, CellState)
+        if not listed or len(state) != count:
+            raise ConfigError(f"state: {count} of CellState are wanted, one a cell")
         return state
 
     def extra_repr(self) -> str:
