@@ -106,7 +106,8 @@ class MemoryLayers(nn.Module):
             raise ConfigError("lengths: a packed sequence has its own")
         if padded is not None:
             lengths = padded.lengths
-        marks = [dt, reset, valid]
+        given_marks = (("dt", dt), ("reset", reset), ("valid", valid))
+        marks = [None if mark is None else instance(n, mark, Tensor) for n, mark in given_marks]
         if swaps:
             steps = steps.transpose(0, 1)
             marks = [m.transpose(0, 1) if m is not None and m.dim() > 1 else m for m in marks]
