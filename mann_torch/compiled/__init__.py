@@ -11,7 +11,7 @@ from .events.program import EVENT_LEAVES, EventProgram, HybridStep, Places
 from .host.kernels import missing
 from .march.agreement import check_agreement
 from .march.autograd import Marched, march
-from .march.engine import Job
+from .march.job import Job
 from .march.layout import Layout, Leaf
 from .march.program import Program
 from .march.scope import Arguments

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 import mann_torch as mt
-from mann_torch.compiled.march import engine as march_engine
+from mann_torch.compiled.march import job as march_job
 from mann_torch.trees import leaves
 from mann_torch.types import NetworkState, PlantState
 from tests.conftest import randn
@@ -108,7 +108,7 @@ def test_bits_are_the_same_in_any_number_of_lanes_and_threads(
     made = case(name, 0.2, batch=11)
     found = []
     for count in lanes:
-        monkeypatch.setattr(march_engine, "lanes_for", lambda *_, count=count: count)
+        monkeypatch.setattr(march_job, "lanes_for", lambda *_, count=count: count)
         for threads in (1, 2):
             torch.set_num_threads(threads)
             if backward:

@@ -17,8 +17,9 @@ from mann_torch.compiled.march.engine import Marcher
 from mann_torch.compiled.march.layout import Moved
 
 DTYPES = (torch.float64, torch.float32)
-#: Rows and columns of a weight matrix: neither is a multiple of what is computed side by side.
-N, M, T = 11, 5, 40
+#: Rows and columns of a weight matrix: neither is a multiple of what is computed side by side; it
+#: is large enough for its gradient to add up in tiles.
+N, M, T = 19, 14, 40
 
 
 def step(clock, constants, segments, noise, carry):  # type: ignore[no-untyped-def]
@@ -186,6 +187,11 @@ def test_a_sample_that_ends_leaves_the_sums_of_its_mates(dtype: torch.dtype) -> 
     one = marched(n, dtype, lanes=1, limit=1e3)
     for mine, other in zip(gradients, one[1], strict=True):
         assert torch.equal(mine, other)
+
+
+def test_the_gradient_of_a_large_matrix_adds_up_in_tiles() -> None:
+    text = program(torch.float64).backward(1, (0, 1, 2, 3), (0,)).text
+    assert "tile_4_2_4(sums" in text and "tile_3_2_4(sums" in text
 
 
 def test_a_launch_of_one_step_needs_no_packing() -> None:

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ..trace.telling import UntraceableError
 from .autograd import march
-from .engine import Job
+from .job import Job
 from .program import Program
 
 #: Largest difference, relative to the largest entry of a value, that rounding explains.

@@ -9,7 +9,8 @@ import torch
 from torch import Tensor
 
 from ...errors import KernelError
-from .engine import Job, Marcher
+from .engine import Marcher
+from .job import Job
 from .layout import Moved
 
 

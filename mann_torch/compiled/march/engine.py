@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -14,12 +13,12 @@ from torch import Tensor
 from ...errors import KernelError
 from ..host.kernels import Kernel, kernel, on_stream
 from .cores import first_steps, run_all, run_in_pieces, torch_on_one_thread
+from .job import Job
 from .kernel_text import is_turned
 from .layout import Moved
 from .loop_forms import SHARED
 from .loop_text import FINE
-from .packing import from_lanes, lanes_for, padded, to_lanes
-from .program import Program
+from .packing import from_lanes, padded, to_lanes
 from .rooms import ROOMS
 from .scope import Back
 
@@ -27,41 +26,6 @@ from .scope import Back
 LIMIT = 2**32
 #: Bytes of checkpoints, up to which there is one a step: no step is run again.
 EVERY_STEP = 2**23
-
-
-@dataclass(frozen=True)
-class Job:
-    """One march of a program, apart from what gradients reach.
-
-    Kept rows: `motion_slot` and `state_slot` (T+1,) int32 name the row a step time is kept in, -1
-    for none.
-    """
-
-    program: Program
-    clock: Tensor  # (T, C); floating tensors are of the program's dtype
-    segment_of: Tensor  # (T,) int32, row of the segments in force in a step
-    noise: tuple[Tensor, Tensor, Tensor] | None  # table (R, K, W), row (B,), instant (T,) int32
-    whole: Tensor  # (B, N) int64, constants that are integers or masks; a mask is 0 or -1
-    carry_k: Tensor  # (B, K) int64, the same
-    motion_slot: Tensor
-    state_slot: Tensor
-    limit: float
-    tape_memory: float  # [bytes]
-    wanted: tuple[tuple[int, ...], tuple[int, ...]]  # constants, segments with gradients
-    progress: Callable[[int], object] | None = None
-    lanes: int | None = None  # None: as many as serve the batch
-    device: str = "cpu"
-
-    @property
-    def lanes_used(self) -> int:
-        """Lanes of a group."""
-        threads = torch.get_num_threads()
-        return self.lanes or lanes_for(self.program, len(self.carry_k), threads, self.device)
-
-    @property
-    def n_steps(self) -> int:
-        """T."""
-        return len(self.clock)
 
 
 class Marcher:
@@ -227,12 +191,13 @@ class Marcher:
         """
         job, lanes = self.job, self._lanes
         made = kernel(job.program.backward(lanes, *job.wanted).text, lanes, job.device)
-        P, Q, R = job.program.scope.sizes(Back(*job.wanted))
+        P, _, R = job.program.scope.sizes(Back(*job.wanted))
+        Q = job.program.width(Back(*job.wanted))
         adj = torch.zeros_like(self._f)
         found_c = adj.new_zeros(self._groups, P, lanes)
         rows = (self.batch, Q) if self.turned else (self._groups, Q, lanes)
         found_s = adj.new_zeros(len(self._segments), *rows)
-        sums = adj.new_zeros(self._groups, R, lanes)
+        sums = self._lent(self._groups, R, lanes).zero_()
         given = [None if g is None else g.contiguous().to(job.device) for g in (motion, state)]
         run = self._launch(made, self._backward_heap(), (adj, found_c, found_s, *given, sums))
         blocks = -(-job.n_steps // self._stride)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from ..cpp.expressions import type_of
+from ..cpp.outer import KEEP, Outers, outer_text
 from ..cpp.plan import Output
 from ..cpp.writer import Writer
 from ..lanes.library import lane_library
@@ -16,11 +16,14 @@ from .layout import Layout
 from .loop_forms import marched, turned
 from .loop_text import AFTER, BACKWARD, COMMON, FINE, FORWARD, GATHER, TOOLS
 from .turn_text import turn_text
+from .watch_text import beyond_text, why_text
 
 #: Bytes of arrays that a step may keep on the stack; beyond that they lie in the caller's memory.
 STACK = 256 * 1024
 #: Turns of a loop that are written out, by number of lanes.
 _UNROLL = {1: 16, 2: 8, 4: 4, 8: 4, 16: 4}
+#: Bytes of vectors where there are 32 of them in registers, not 16.
+_MANY = 64
 _GIVEN = (
     "const $REAL* __restrict__ clock, const V* __restrict__ constant, "
     "const V* __restrict__ segment, const V* __restrict__ noise, const M* __restrict__ whole, "
@@ -44,6 +47,16 @@ class Sizes(NamedTuple):
     wanted: int = 0
     wanted_segment: int = 0
     wanted_shared: int = 0
+    #: Those that grow by outer products.
+    outers: Outers = Outers()
+    #: From one row of segments' gradients to the next, where they lie in rows.
+    wide_segment: int = 0
+
+    @property
+    def total(self) -> int:
+        """Vectors of a step's own part of them, and of factors that are kept."""
+        own = self.wanted + self.wanted_segment + self.wanted_shared
+        return own + KEEP * self.outers.width
 
 
 class Function(NamedTuple):
@@ -73,7 +86,7 @@ def forward_text(
 ) -> KernelText:
     """The forward march."""
     bodies, room = _written(functions, lanes, layout)
-    watch = FORWARD.replace("$BEYOND", _beyond(layout)).replace("$WHY", _why(layout))
+    watch = FORWARD.replace("$BEYOND", beyond_text(layout)).replace("$WHY", why_text(layout))
     if skeleton is not None:
         bodies.append(skeleton.forward)
         room += skeleton.room
@@ -99,10 +112,10 @@ def backward_text(
         room += max(skeleton.room, skeleton.room_backward)
     head = _head(layout, lanes, sizes, skeleton)
     loop = _marched([TOOLS, GATHER, COMMON, walk], layout, lanes)
-    text = "\n".join([head, *bodies, *loop, "}"])
+    text = "\n".join([head, *bodies, *_outer(layout, sizes, lanes), *loop, "}"])
     f, k = layout.size("f"), layout.size("k")
     again = sizes.wanted_segment if is_turned(layout) else 0
-    own = f + sum(sizes) + again + (FINE + 1) * (f + k)
+    own = f + sizes.total + again + (FINE + 1) * (f + k)
     return KernelText(text, _common_room(layout) + own + room)
 
 
@@ -135,7 +148,8 @@ def _head(layout: Layout, lanes: int, sizes: Sizes, skeleton: Skeleton | None) -
         "N_MOTION": layout.n_motion,
         "N_WANTED": sizes.wanted,
         "N_WANTED_SEGMENT": sizes.wanted_segment,
-        **({"N_WANTED_SHARED": sizes.wanted_shared} if layout.size("shared") else {}),
+        **({"N_WIDE_SEGMENT": sizes.wide_segment} if is_turned(layout) else {}),
+        **(_shared_numbers(sizes) if layout.size("shared") else {}),
         **({} if skeleton is None else skeleton.numbers),
     }
     constants = ", ".join(f"{name} = {value}" for name, value in numbers.items())
@@ -153,6 +167,17 @@ def _head(layout: Layout, lanes: int, sizes: Sizes, skeleton: Skeleton | None) -
             "};",
         ]
     )
+
+
+def _shared_numbers(sizes: Sizes) -> dict[str, int]:
+    return {"N_WANTED_SHARED": sizes.wanted_shared, "N_KEPT": sizes.outers.width, "KEEP": KEEP}
+
+
+def _outer(layout: Layout, sizes: Sizes, lanes: int) -> list[str]:
+    if not layout.size("shared"):
+        return []
+    tile = (4, 4) if lanes * layout.real.bytes >= _MANY else (4, 2)
+    return [outer_text(sizes.outers, sizes.wanted_shared, tile)]
 
 
 def _written(functions: Sequence[Function], lanes: int, layout: Layout) -> tuple[list[str], int]:
@@ -202,28 +227,3 @@ def _struct(function: Function, lanes: int, layout: Layout) -> tuple[str, int]:
   }}
 }};"""
     return text, room
-
-
-def _ranges(layout: Layout) -> list[tuple[int, int, int]]:
-    """First and last place in `f` of each watched leaf, and its number among them."""
-    found = []
-    for number, i in enumerate(layout.watched):
-        _, offset = layout.carry_places[i]
-        found.append((number, offset, offset + math.prod(layout.carry[i].shape)))
-    return found
-
-
-def _beyond(layout: Layout) -> str:
-    lines = []
-    for _, first, last in _ranges(layout):
-        test = "bad = bad | ~lt(abs_(f[e]), splat(limit));"
-        lines.append(f"for (int e = {first}; e < {last}; ++e) {test}")
-    return "\n    ".join(lines)
-
-
-def _why(layout: Layout) -> str:
-    lines = ["int found = 0;"]
-    for number, first, last in _ranges(layout):
-        lines.append(f"found = leaf(f, l, limit, {first}, {last});")
-        lines.append(f"if (found) return {10 * number} + found;")
-    return "\n    ".join(lines)

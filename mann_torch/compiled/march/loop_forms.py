@@ -3,27 +3,38 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
 from ..real import FLOAT, Real
+from .loop_text import BACKWARD, COMMON, FORWARD, GATHER, TOOLS
 
 #: Place of the first of two pointers: the shared constants, and sums of their gradients.
 SHARED = 32
 # A step's part of a sum is added where all samples live; else it is made beside, and selected.
+# Factors of outer products are kept, 0 for samples that do not live, and added now and then.
 _SHARED = {
     "$W": "shared, ",
-    "$SUM": "sum_shared, ",
+    "$SUM": "sum_shared, kept + n_kept * N_KEPT, ",
     "$COMMON": f"const double* const shared = (const double*)table[{SHARED}];\n",
     "$ROOM": f"""V* const g_shared = (V*)table[{SHARED + 1}] + (long long)g * N_WANTED_SHARED;
 V* const part_shared = heap; heap += N_WANTED_SHARED;
+V* const kept = heap; heap += KEEP * N_KEPT;
+int n_kept = 0;
 """,
     "$IN": """      V* const sum_shared = Tools::all(alive) ? g_shared : part_shared;
-      if (sum_shared != g_shared)
-        for (int e = 0; e < N_WANTED_SHARED; ++e) part_shared[e] = g_shared[e];
+      if (sum_shared != g_shared) Outer::copy(part_shared, g_shared);
 """,
-    "$OUT": """      if (sum_shared != g_shared)
-        for (int e = 0; e < N_WANTED_SHARED; ++e)
-          g_shared[e] = Tools::sel(alive, part_shared[e], g_shared[e]);
+    "$OUT": """      if (sum_shared != g_shared) {
+        Outer::hold(alive, g_shared, part_shared);
+        for (int e = n_kept * N_KEPT; e < (n_kept + 1) * N_KEPT; ++e)
+          kept[e] = Tools::sel(alive, kept[e], Tools::splat(0.0));
+      }
+      if (++n_kept == KEEP) {
+        Outer::add(g_shared, kept, n_kept);
+        n_kept = 0;
+      }
 """,
+    "$DONE": "Outer::add(g_shared, kept, n_kept);\n",
 }
 
 
@@ -89,23 +100,40 @@ long long held_segment = -1;
 }
 
 
+_FLOAT = {"long long* const state_k = (long long*)": "int* const state_k = (int*)"}
+
+
 def marched(text: str, real: Real, shared: bool) -> str:
     """Text of the loop in an arithmetic, with or without constants that samples share.
 
     Rows of samples are turned in squares there; not where float64 samples share none: that text,
     and what is compiled of it, stays as it is.
     """
-    for name, more in _SHARED.items():
-        text = text.replace(name, more if shared else "")
+    text = _replaced(text, _SHARED if shared else dict.fromkeys(_SHARED, ""))
     if turned(real, shared):
-        for plain, square in _TURNED.items():
-            text = text.replace(plain, square)
+        text = _replaced(text, _TURNED)
     if real is FLOAT:
-        text = re.sub(r"\bdouble\b", "float", text)
-        text = re.sub(
-            r"long long\* const state_k = \(long long\*\)", "int* const state_k = (int*)", text
-        )
+        text = re.sub(r"\bdouble\b", "float", _replaced(text, _FLOAT))
     return text
+
+
+def _replaced(text: str, forms: Mapping[str, str]) -> str:
+    for plain, other in forms.items():
+        text = text.replace(plain, other)
+    return text
+
+
+def _check(text: str, *steps: Mapping[str, str]) -> None:
+    """Raise `RuntimeError` if what is to be replaced is nowhere in the loop, as it is by then."""
+    for forms in steps:
+        for plain, other in forms.items():
+            if plain not in text:
+                raise RuntimeError(f"nothing to replace in the time loop: {plain!r}")
+            text = text.replace(plain, other)
+
+
+# All of it, once: a part of the loop has only some of them.
+_check("\n".join((TOOLS, COMMON, FORWARD, GATHER, BACKWARD)), _SHARED, _TURNED, _FLOAT)
 
 
 def turned(real: Real, shared: bool) -> bool:

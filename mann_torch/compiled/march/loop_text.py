@@ -211,7 +211,7 @@ $OUT      if (Tools::all(alive)) {
   }
   if (block == 0) Gather::add(adj, g_motion, motion_slot[0], g_state, state_slot[0], B, g);
 }
-"""
+$DONE"""
 
 #: What a step left, where its gradient asks for that too.
 AFTER = "ring_f + (here + 1) * N_F, ring_k + (here + 1) * N_K, "

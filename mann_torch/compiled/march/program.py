@@ -9,10 +9,11 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from ..cpp.outer import KEPT, with_factors
 from ..cpp.plan import Output
 from ..real import real_of
 from ..trace.tracing import told
-from .kernel_text import Function, KernelText, Sizes, backward_text, forward_text
+from .kernel_text import Function, KernelText, Sizes, backward_text, forward_text, is_turned
 from .layout import Layout
 from .scope import Back, Piece, Scope, carried
 
@@ -74,8 +75,20 @@ class Program:
 
     def _backward(self, lanes: int, back: Back) -> KernelText:
         (outputs,) = self.gradients(back)
-        functions = [self._function(), Function("Back", outputs, backward=True)]
-        return backward_text(self.layout, functions, Sizes(*self.scope.sizes(back)), lanes)
+        sizes = Sizes(*self.scope.sizes(back), wide_segment=self.width(back))
+        gives: tuple[str, ...] = ()
+        if self.layout.size("shared"):
+            outputs, outers = with_factors(self.scope.graph, outputs)
+            sizes, gives = sizes._replace(outers=outers), (KEPT,)
+        functions = [self._function(), Function("Back", outputs, gives=gives, backward=True)]
+        return backward_text(self.layout, functions, sizes, lanes)
+
+    def width(self, back: Back) -> int:
+        """Numbers of a row of the segments' gradients: a segment's own where those come first."""
+        columns = self.scope.segment_columns(back.segments)
+        first = torch.equal(columns, torch.arange(len(columns)))
+        rows = first and len(columns) > 0 and is_turned(self.layout)
+        return self.layout.size("segment") if rows else len(columns)
 
     def gradients(self, back: Back) -> list[list[Output]]:
         """Outputs of each piece's vector-Jacobian product."""

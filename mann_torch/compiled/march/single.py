@@ -7,7 +7,8 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from .engine import Job, Marcher
+from .engine import Marcher
+from .job import Job
 from .layout import Moved
 from .packing import from_lanes, to_lanes
 

@@ -7,8 +7,8 @@ struct Turn : Lanes {
   // LANES vectors as a square: what was lane j of vector i is lane i of vector j.
   static inline CUDA_CALLABLE void square(V* x) {
 $SQUARE  }
-  // Rows of n numbers from n vectors, for the first `live` lanes.
-  static inline CUDA_CALLABLE void out(double* rows, const V* f, int n, long long live) {
+  // Rows of n numbers, `wide` apart, from n vectors, for the first `live` lanes.
+  static inline CUDA_CALLABLE void out(double* rows, const V* f, int n, long long live, int wide) {
     int first = 0;
     if (LANES > 1 && live >= LANES)
       for (; first + LANES <= n; first += LANES) {
@@ -17,25 +17,31 @@ $SQUARE  }
         for (int l = 0; l < LANES; ++l) x[l] = f[first + l];
         square(x);
         #pragma unroll
-        for (int l = 0; l < LANES; ++l) memcpy(rows + (long long)l * n + first, x + l, sizeof(V));
+        for (int l = 0; l < LANES; ++l)
+          memcpy(rows + (long long)l * wide + first, x + l, sizeof(V));
       }
     for (int l = 0; l < LANES && l < live; ++l)
-      for (int e = first; e < n; ++e) rows[(long long)l * n + e] = get(f[e], l);
+      for (int e = first; e < n; ++e) rows[(long long)l * wide + e] = get(f[e], l);
+  }
+  static inline CUDA_CALLABLE void out(double* rows, const V* f, int n, long long live) {
+    out(rows, f, n, live, n);
   }
   // The inverse: the last sample's numbers where lanes are left over.
-  static inline CUDA_CALLABLE void in(V* f, const double* rows, int n, long long live) {
+  static inline CUDA_CALLABLE void in(V* f, const double* rows, int n, long long live,
+                                      int wide) {
     int first = 0;
     if (live >= LANES)
       for (; first + LANES <= n; first += LANES) {
         V x[LANES];
         #pragma unroll
-        for (int l = 0; l < LANES; ++l) memcpy(x + l, rows + (long long)l * n + first, sizeof(V));
+        for (int l = 0; l < LANES; ++l)
+          memcpy(x + l, rows + (long long)l * wide + first, sizeof(V));
         square(x);
         #pragma unroll
         for (int l = 0; l < LANES; ++l) f[first + l] = x[l];
       }
     for (int l = 0; l < LANES; ++l) {
-      const double* const own = rows + (l < live ? l : live - 1) * n;
+      const double* const own = rows + (l < live ? l : live - 1) * wide;
       for (int e = first; e < n; ++e) put(f[e], l, own[e]);
     }
   }
@@ -44,20 +50,20 @@ $SQUARE  }
                                                const double* segments, long long B, int g) {
     const double* const rows = segments + (row * B + (long long)g * LANES) * N_SEGMENT;
     if (LANES == 1) return (const V*)rows;
-    if (held != row) in(room, rows, N_SEGMENT, B - (long long)g * LANES);
+    if (held != row) in(room, rows, N_SEGMENT, B - (long long)g * LANES, N_SEGMENT);
     held = row;
     return room;
   }
   // Where the gradient to row `row` is summed; the row before goes where it belongs. -1: no more.
   static inline CUDA_CALLABLE V* sums(V* room, long long& held, long long row, double* segments,
                                       long long B, int g) {
-    const int n = N_WANTED_SEGMENT;
-    double* const rows = segments + (long long)g * LANES * n;
-    if (LANES == 1) return (V*)(rows + row * B * n);
+    const int n = N_WANTED_SEGMENT, wide = N_WIDE_SEGMENT;
+    double* const rows = segments + (long long)g * LANES * wide;
+    if (LANES == 1) return (V*)(rows + row * B * wide);
     const long long live = B - (long long)g * LANES;
     if (held == row) return room;
-    if (held >= 0) out(rows + held * B * n, room, n, live);
-    if (row >= 0) in(room, rows + row * B * n, n, live);
+    if (held >= 0) out(rows + held * B * wide, room, n, live, wide);
+    if (row >= 0) in(room, rows + row * B * wide, n, live, wide);
     held = row;
     return room;
   }
