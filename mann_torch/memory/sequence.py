@@ -233,6 +233,5 @@ class MemorySequence(nn.Module):
                 f"{name} has shape {tuple(given.shape)}; a sequence of {len(x)} has {form}"
             )
         check_within(name, tuple(found.shape[1:]), batch)
-        if found.dim() == 1:
-            return found.reshape(-1, *(1 for _ in batch))
-        return found
+        missing = len(batch) + 1 - found.dim()  # fewer dimensions mean the same for all
+        return found.reshape(len(x), *(1 for _ in range(missing)), *found.shape[1:])

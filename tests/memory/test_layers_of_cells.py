@@ -98,6 +98,14 @@ def test_what_pads_reaches_nothing_not_even_a_gradient(engine: str, fill: float)
     assert not found[1][-len(used)][outside].any()
 
 
+def test_marks_of_the_last_dimensions_are_meant_for_all_the_others() -> None:
+    sequence, x = mt.MemorySequence(make().cells[0], engine="torch"), randn(T, 2, 3, WIDTH)
+    valid, dt = torch.rand(T, 3) < 0.7, randn(T, 3).abs()
+    found, _ = sequence(x, dt=dt, valid=valid)
+    for i in range(2):
+        close(found[:, i], sequence(x[:, i], dt=dt, valid=valid)[0])
+
+
 def test_lengths_may_be_on_another_device_than_the_data() -> None:
     within = valid_steps(torch.tensor(LENGTHS), T, (4,), torch.device("meta"))
     assert within.device.type == "meta" and within.shape == (T, 4)
