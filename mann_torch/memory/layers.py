@@ -117,7 +117,8 @@ class MemoryLayers(nn.Module):
         if reset is not None and self.bidirectional:
             raise ConfigError("reset: cells that go both ways have no step before the first")
         if lengths is not None:
-            valid = both(valid, valid_steps(lengths, len(steps), steps.shape[1:-1]))
+            within = valid_steps(lengths, len(steps), steps.shape[1:-1], steps.device)
+            valid = both(valid, within)
         given = self._states(state)
         last: list[CellState] = []
         for layer in range(self.num_layers):

@@ -38,8 +38,10 @@ class Padded(NamedTuple):
         return self.form._replace(data=data)
 
 
-def valid_steps(lengths: Lengths, n_steps: int, batch: Sequence[int]) -> Tensor:
-    """Which steps (T, B) lie within lengths (B,), from 1 to T.
+def valid_steps(
+    lengths: Lengths, n_steps: int, batch: Sequence[int], device: torch.device
+) -> Tensor:
+    """Which steps (T, B) lie within lengths (B,), from 1 to T; lengths may be on any device.
 
     Raises `DtypeError`, `ShapeError`, `ConfigError`.
     """
@@ -47,19 +49,17 @@ def valid_steps(lengths: Lengths, n_steps: int, batch: Sequence[int]) -> Tensor:
         try:
             lengths = torch.as_tensor(lengths)
         except (TypeError, ValueError, RuntimeError):
-            raise DtypeError(
-                f"lengths = {lengths!r}: must be whole numbers, one a sample"
-            ) from None
+            raise DtypeError(f"lengths = {lengths!r}: {_WHOLE}") from None
     if lengths.is_floating_point() or lengths.is_complex() or lengths.dtype == torch.bool:
-        raise DtypeError(f"lengths are {lengths.dtype}: must be whole numbers, one a sample")
+        raise DtypeError(f"lengths are {lengths.dtype}: {_WHOLE}")
     if tuple(lengths.shape) != tuple(batch):
         raise ShapeError(
             f"lengths have shape {tuple(lengths.shape)}: one a sample of a batch of {tuple(batch)}"
         )
     if lengths.numel() and not 1 <= int(lengths.min()) <= int(lengths.max()) <= n_steps:
         raise ConfigError(f"lengths = {lengths.tolist()}: must be from 1 to {n_steps}, the steps")
-    each = torch.arange(n_steps, device=lengths.device).reshape(-1, *(1 for _ in batch))
-    return each < lengths
+    each = torch.arange(n_steps, device=device).reshape(-1, *(1 for _ in batch))
+    return each < lengths.to(device)
 
 
 def both(valid: Tensor | None, within: Tensor) -> Tensor:

@@ -100,12 +100,7 @@ class MemorySequence(nn.Module):
                 padded.x, state, dt, lengths=padded.lengths, reset=reset, valid=valid
             )
             return padded.packed(outputs), last
-        begun = self._begin(x, state, dt, reset, valid)
-        if lengths is not None:
-            within = valid_steps(lengths, len(begun.looked.hidden), begun.state.attended.shape)
-            begun = begun._replace(
-                marks=begun.marks._replace(valid=both(begun.marks.valid, within))
-            )
+        begun = self._begin(x, state, dt, reset, valid, lengths)
         hidden, reads, last, _ = self._run(begun)
         outputs = self.cell.shown(hidden, reads)
         if begun.marks.valid is not None:
@@ -180,6 +175,7 @@ class MemorySequence(nn.Module):
         dt: Tensor | None,
         reset: Tensor | None,
         valid: Tensor | None,
+        lengths: Lengths | None = None,
     ) -> _Begun:
         cell = self.cell
         check_tensor("x", x, (cell.input_size,), None)
@@ -195,13 +191,18 @@ class MemorySequence(nn.Module):
         x = x.reshape(len(x), *(1 for _ in range(missing)), *x.shape[1:])
         spans = self._per_step("dt", dt, x, batch)
         spans = None if spans is None else spans.to(cell.dtype)
-        looked, shape = cell.look(x, spans), (len(x), *batch)
-        marks = []
+        shape, marks = (len(x), *batch), []
         for name, mark in (("reset", reset), ("valid", valid)):
             if mark is not None and instance(name, mark, Tensor).dtype != torch.bool:
                 raise DtypeError(f"{name} is {mark.dtype}: it is a mask of bool")
             found = self._per_step(name, mark, x, batch)
-            marks.append(None if found is None else found.expand(shape))
+            marks.append(found)
+        if lengths is not None:
+            marks[1] = both(marks[1], valid_steps(lengths, len(x), batch, x.device))
+        if (taken := marks[1]) is not None:  # padding may be NaN, and 0 times NaN is no slope
+            x = torch.where(taken.unsqueeze(-1), x, 0.0)
+            spans = None if spans is None else torch.where(taken, spans, 1.0)
+        looked = cell.look(x, spans)
         return _Begun(
             Looked(
                 *(
@@ -215,7 +216,7 @@ class MemorySequence(nn.Module):
                     for leaf, rank in zip(state, RANKS, strict=True)
                 )
             ),
-            Marks(*marks),
+            Marks(*(None if mark is None else mark.expand(shape) for mark in marks)),
         )
 
     def _per_step(
@@ -232,6 +233,5 @@ class MemorySequence(nn.Module):
                 f"{name} has shape {tuple(given.shape)}; a sequence of {len(x)} has {form}"
             )
         check_within(name, tuple(found.shape[1:]), batch)
-        if found.dim() == 1:
-            return found.reshape(-1, *(1 for _ in batch))
-        return found
+        missing = len(batch) + 1 - found.dim()  # fewer dimensions mean the same for all
+        return found.reshape(len(x), *(1 for _ in range(missing)), *found.shape[1:])

@@ -29,6 +29,8 @@ def worker(rank: int, folder: str) -> None:
     if rank == 0:
         slopes = {n: p.grad for n, p in found.module.named_parameters() if p.grad is not None}
         torch.save(slopes, Path(folder) / "slopes.pt")
+        del slopes
+    del found  # before its group: torn down after it, a process may wait for ever
     torch.distributed.destroy_process_group()
 
 

@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from torch.nn.utils.rnn import PackedSequence, pack_padded_sequence, pad_packed_sequence
 
 import mann_torch as mt
+from mann_torch.memory.lengths import valid_steps
 from tests.conftest import randn
 
 WIDTH, N, T = 3, 6, 9
@@ -79,6 +80,35 @@ def test_a_sequence_takes_lengths_and_packed_ones_too() -> None:
     both, _ = sequence(x, lengths=LENGTHS, valid=valid)
     inside = torch.arange(T) < torch.tensor(LENGTHS).unsqueeze(-1)
     close(both, sequence(x, valid=valid & inside)[0])
+
+
+@pytest.mark.parametrize("engine", ["torch", "compiled"])
+@pytest.mark.parametrize("fill", [float("nan"), float("inf")])
+def test_what_pads_reaches_nothing_not_even_a_gradient(engine: str, fill: float) -> None:
+    layers, x, dt = make(2, engine=engine, bidirectional=True), randn(T, 4, WIDTH), randn(T, 4)
+    outside = torch.arange(T).unsqueeze(-1) >= torch.tensor(LENGTHS)
+    found = []
+    for pad in (0.0, fill):
+        padded = x.masked_fill(outside.unsqueeze(-1), pad).requires_grad_()
+        outputs, states = layers(padded, dt=dt.abs().masked_fill(outside, pad), lengths=LENGTHS)
+        used = [padded, *(p for p in layers.parameters() if p.requires_grad)]
+        slopes = torch.autograd.grad(outputs.sin().sum(), used, materialize_grads=True)
+        found.append([outputs, *(leaf for state in states for leaf in state), *slopes])
+    assert all(torch.equal(clean, other) for clean, other in zip(*found, strict=True))
+    assert not found[1][-len(used)][outside].any()
+
+
+def test_marks_of_the_last_dimensions_are_meant_for_all_the_others() -> None:
+    sequence, x = mt.MemorySequence(make().cells[0], engine="torch"), randn(T, 2, 3, WIDTH)
+    valid, dt = torch.rand(T, 3) < 0.7, randn(T, 3).abs()
+    found, _ = sequence(x, dt=dt, valid=valid)
+    for i in range(2):
+        close(found[:, i], sequence(x[:, i], dt=dt, valid=valid)[0])
+
+
+def test_lengths_may_be_on_another_device_than_the_data() -> None:
+    within = valid_steps(torch.tensor(LENGTHS), T, (4,), torch.device("meta"))
+    assert within.device.type == "meta" and within.shape == (T, 4)
 
 
 def test_it_is_called_as_an_lstm_is() -> None:
@@ -185,7 +215,18 @@ def test_functional_call_and_autocast_give_the_same() -> None:
     with torch.autocast("cpu", torch.bfloat16):
         loose, _ = single(x.float())
     assert loose.dtype == torch.float32
-    assert float((loose - single(x.float())[0]).abs().max()) < 0.1
+    assert float((loose - single(x.float())[0]).detach().abs().max()) < 0.1
+
+
+def test_vmap_and_compile_give_the_same() -> None:
+    layers, x = make(2, engine="auto", return_state=False), randn(3, 4, 2, WIDTH)
+    each = torch.stack([layers(one) for one in x])
+    close(torch.vmap(layers)(x), each)
+    twins = [layers, make(2, engine="auto", return_state=False)]
+    stacked = torch.func.stack_module_state(twins)
+    several = torch.vmap(lambda p, b: torch.func.functional_call(layers, (p, b), (x[0],)))(*stacked)
+    close(several, torch.stack([each[0], each[0]]))
+    close(torch.compile(layers, backend="eager")(x[0]), each[0])
 
 
 def test_a_short_one_is_exported_and_loaded() -> None:
