@@ -16,7 +16,7 @@ from .indices import composed
 from .plan import SUMS, Output
 
 #: The array of the caller that factors are written to, and the steps whose factors it holds.
-KEPT, KEEP = "kept", 8
+KEPT, KEEP = "kept", 4
 #: Sums that are worth it; so many products a step may add to each at most.
 _LEAST, _MOST = 256, 4
 
