@@ -23,6 +23,7 @@ from .features import (
     Measured,
     NetworkInputs,
     RadialBasis,
+    Readouts,
     equal_parameter_hidden,
 )
 from .integral import IntegralAction
@@ -157,6 +158,7 @@ __all__ = [
     "Pid",
     "Projection",
     "RadialBasis",
+    "Readouts",
     "RobustGain",
     "Saturation",
     "SigmaModification",

@@ -29,6 +29,7 @@ from .features import (
     ErrorsAndReference,
     FeatureNetwork,
     NetworkInputs,
+    Readouts,
 )
 from .laws import Drive
 from .robust import RobustGain
@@ -69,6 +70,7 @@ class MannController(AdaptiveController):
         initial_std: float = _OF_NETWORK[3],
         network: FeatureNetwork | None = None,
         inputs: NetworkInputs | None = None,
+        readouts: Readouts | None = None,
     ) -> None:
         super().__init__()
         n_joints = whole("n_joints", n_joints)
@@ -95,7 +97,7 @@ class MannController(AdaptiveController):
         self.n_joints = n_joints
         self.tracking = FilteredTracking(n_joints, error_gain)
         self.inputs = inputs
-        self.approximator = Approximator(network, memory)
+        self.approximator = Approximator(network, memory, ("error_norm", "shortfall"), readouts)
         self.robust = RobustGain(base_gain, robust_gain, weight_bound)
         self.reference_order = max(1, inputs.reference_order)
 
@@ -147,7 +149,9 @@ class MannController(AdaptiveController):
         rate = per_matrix(output.signals.gain) * torch.eye(n, dtype=output.input.dtype)
         first = self.inputs.rate_from
         if first is not None:
-            slope = self.network.input_slope(output.signals.features, state.network, first, n)
+            slope = self.network.input_slope(
+                output.signals.features, self.approximator.in_force(state), first, n
+            )
             rate = rate if slope is None else rate + slope
         return tracking_gains(rate @ self.tracking.error_gain, rate, reference)
 
@@ -175,4 +179,7 @@ class MannController(AdaptiveController):
     ) -> Drive:
         """r drives, and |e| is that of positions."""
         error_norm = torch.linalg.vector_norm(seen.error, dim=-1)
-        return Drive.of_features(found.features.hidden, seen.drive, error_norm)
+        shortfall = None
+        if self.approximator.readouts is not None:
+            shortfall = self.robust(found.norms).unsqueeze(-1) * seen.drive
+        return Drive.of_features(found.features.hidden, seen.drive, error_norm, shortfall=shortfall)

@@ -36,6 +36,8 @@ class FeatureNetwork(Interface, DesignModule):
     n_inputs: int
     n_hidden: int
     n_outputs: int
+    #: Fields of its weights that are W: linear in them, and in nothing else, is its output.
+    outer: tuple[str, ...] = ()
 
     @abstractmethod
     def initial_state(

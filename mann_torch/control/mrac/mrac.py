@@ -16,7 +16,7 @@ from ...trees import portable
 from ...types import ControllerState, ControlOutput, Features, InputGains, Mode, ReferenceSample
 from ..adaptive_controller import AdaptiveController, Look
 from ..boundary_layer import BoundaryLayer
-from ..features import Approximation, Approximator, FeatureNetwork
+from ..features import Approximation, Approximator, FeatureNetwork, Readouts
 from ..integral import IntegralAction
 from ..labels import Labels
 from ..laws import Drive
@@ -76,6 +76,7 @@ class Mrac(MatrixConstants, AdaptiveController):
         integral: IntegralAction | None = None,
         saturation: Saturation | None = None,
         labels: Labels | None = None,
+        readouts: Readouts | None = None,
     ) -> None:
         super().__init__()
         m, n = self.n_inputs, self.n_states = self.declare_matrix("error_gain", error_gain)
@@ -101,7 +102,7 @@ class Mrac(MatrixConstants, AdaptiveController):
         offers = {"error_norm"}
         offers |= set() if saturation is None else {"excess"}
         offers |= set() if labels is None else {"pair"}
-        self.approximator = Approximator(network, memory, sorted(offers))
+        self.approximator = Approximator(network, memory, sorted(offers), readouts)
 
     @classmethod
     def of_model(
@@ -232,7 +233,10 @@ class Mrac(MatrixConstants, AdaptiveController):
         """-d u/d x of all terms; that estimates and reference move is not counted."""
         shown, n = output.signals, self.n_states
         gains = self.known.slope().expand(*shown.wanted.shape, n)
-        slope = self.network.input_slope(shown.features, state.adaptive.network, 0, n)
+        weights = self.approximator.in_force(state.adaptive)
+        slope = self.network.input_slope(shown.features, weights, 0, n)
+            shown.features, self.approximator.in_force(state.adaptive), 0, n
+        )
         gains = gains if slope is None else gains - slope
         if self.robust is not None:
             gains = gains + self.robust.slope(shown.drive) @ self.matrix("error_gain")
