@@ -235,8 +235,6 @@ class Mrac(MatrixConstants, AdaptiveController):
         gains = self.known.slope().expand(*shown.wanted.shape, n)
         weights = self.approximator.in_force(state.adaptive)
         slope = self.network.input_slope(shown.features, weights, 0, n)
-            shown.features, self.approximator.in_force(state.adaptive), 0, n
-        )
         gains = gains if slope is None else gains - slope
         if self.robust is not None:
             gains = gains + self.robust.slope(shown.drive) @ self.matrix("error_gain")
