@@ -18,7 +18,7 @@ import torch
 
 from mann_torch.compiled.host.kernels import lanes_here
 
-from .benchmarking import events, lines, parts, start
+from .benchmarking import events, lines, memory, parts, start
 from .benchmarking.curves import precision, scaling
 from .benchmarking.measure import ROOT, Section
 from .runs.pictures import save
@@ -33,6 +33,7 @@ SECTIONS: dict[str, tuple[str, Callable[[], Section] | None]] = {
     "events": ("Rollouts through events", events.section),
     "parts": ("Parts of one's own", parts.section),
     "start": ("The first rollout", start.section),
+    "memory": ("The memory beside recurrent layers", memory.section),
     "scaling": ("Cost against horizon and batch", scaling),
     "precision": ("Accuracy against work", precision),
 }

@@ -34,7 +34,7 @@ from .learning.online_learners import (
     PRINTS,
     Learner,
     OnlineLearner,
-    draw_stream,
+    samples,
 )
 from .learning.online_measures import MEASURES, after_each_switch, in_blocks, measured
 from .learning.report import (
@@ -46,6 +46,7 @@ from .learning.report import (
 )
 from .runs.parts import all_parts, npz_parts
 from .runs.pictures import check_pictures
+from .sequence_tasks.streams import draw_stream
 from .settings.checks import check_between, check_positive, check_variants
 from .settings.machine import check_memory, check_workers
 from .settings.memory_config import LEARNERS, OnlineRegressionConfig
@@ -133,17 +134,17 @@ def one_pass(
     """One pass over the streams; the draws are the same for every variant and rate."""
     seeds = np.random.SeedSequence([cfg.seed, streams]).generate_state(2, np.uint64)
     generator, weights = (torch.Generator().manual_seed(int(seed >> 1)) for seed in seeds)
-    stream = draw_stream(cfg, generator)
+    stream = draw_stream(cfg.seeds, cfg.n_functions, generator)
     learner = OnlineLearner(cfg, variant, rate)
     spread = torch.randn(cfg.seeds, cfg.n_slots, PRINTS, generator=generator, dtype=torch.float64)
     state = learner.start(cfg, weights)
-    state = learner.begin(state, stream.samples(0, cfg.n_slots, generator)[0], 0.3 * spread)
-    probes = [stream.samples(k, PROBES, generator) for k in range(cfg.n_functions)]
+    state = learner.begin(state, samples(stream, 0, cfg.n_slots, generator)[0], 0.3 * spread)
+    probes = [samples(stream, k, PROBES, generator) for k in range(cfg.n_functions)]
     per_visit = round(cfg.visit_length / cfg.dt)
     squared, probed, rows = [], [], []
     prints = torch.zeros(cfg.seeds, PRINTS, dtype=torch.float64)
     for visit in range(cfg.n_functions * visits):
-        inputs, answers, basis = stream.samples(visit % cfg.n_functions, per_visit, generator)
+        inputs, answers, basis = samples(stream, visit % cfg.n_functions, per_visit, generator)
         for step in range(per_visit):
             looked, before = learner.look(state, inputs[step], prints, jump=True), state.cell
             error = answers[step] - looked.prediction

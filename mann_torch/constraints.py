@@ -37,6 +37,7 @@ __all__ = [
     "Positive",
     "PositiveRow",
     "SymmetricPositiveDefinite",
+    "follow_dtype",
 ]
 
 
@@ -51,7 +52,13 @@ def _checked(name: str, value: Numbers, domain: Domain, event_shape: torch.Size)
 
 
 class DesignModule(nn.Module):
-    """A module that owns design constants. What it holds stays float64 under `.float()`."""
+    """A module that owns design constants. What it holds stays float64 under `.float()`.
+
+    Not where it `follows_dtype`, as the parts of a `MemoryCell` do (`follow_dtype`).
+    """
+
+    #: Whether `.float()` and the like convert what it holds.
+    follows_dtype = False
 
     def __init__(self) -> None:
         super().__init__()
@@ -119,7 +126,7 @@ class DesignModule(nn.Module):
         """A new value for our constant `name`, checked, where the old one is."""
         domain, old = self._domains[name], cast(Tensor, getattr(self, name))
         event_shape = old.shape[old.dim() - domain.event_dims :]
-        return _checked(name, value, domain, event_shape).to(old.device)
+        return _checked(name, value, domain, event_shape).to(old)
 
     def _replace(self, name: str, value: Tensor) -> None:
         grad = cast(Tensor, getattr(self, name)).requires_grad
@@ -132,7 +139,9 @@ class DesignModule(nn.Module):
         Raises `ConfigError` for an unknown name, `KindError`, `DtypeError` or `DomainError`.
         """
         owner = self.owner(name)
-        owner._domains[name].check(name, as_float64(instance(name, tensor, Tensor), name).detach())
+        value = instance(name, tensor, Tensor).detach()
+        value = value.double() if owner.follows_dtype else as_float64(value, name)
+        owner._domains[name].check(name, value)
         delattr(owner, name)
         setattr(owner, name, tensor)
 
@@ -181,6 +190,8 @@ class DesignModule(nn.Module):
         # A saved constant may have another batch shape than ours, and must be in its domain. One of
         # the same shape is copied, so that an optimizer keeps its parameter.
         saved = {n: state_dict[prefix + n] for n in self._domains if prefix + n in state_dict}
+        if self.follows_dtype:
+            saved = {n: instance(n, value, Tensor).double() for n, value in saved.items()}
         for name, value in saved.items():
             self._domains[name].check(name, as_float64(value, name).detach())
         mine = {name: self._parameters[name] for name in saved if name in self._parameters}
@@ -195,9 +206,18 @@ class DesignModule(nn.Module):
 
         def keep(tensor: Tensor) -> Tensor:
             moved = fn(tensor)
+            if self.follows_dtype:
+                return moved
             floats = tensor.is_floating_point() and moved.is_floating_point()
             if moved.dtype == tensor.dtype or (floats and moved.itemsize > tensor.itemsize):
                 return moved
             return tensor.to(moved.device)
 
         return super()._apply(keep, recurse)
+
+
+def follow_dtype(module: nn.Module) -> None:
+    """Let a module and its parts go along with `.float()`, `.double()` and `.to(dtype)`."""
+    for part in module.modules():
+        if isinstance(part, DesignModule):
+            part.follows_dtype = True

@@ -13,7 +13,7 @@ from tests.conftest import make_attention, randn
 @pytest.fixture
 def trace() -> mt.memory.MemoryTrace:
     torch.manual_seed(0)
-    cell = mt.MemoryCell(3, 6, 4, make_attention("reallocating_always"), dtype=torch.float64)
+    cell = mt.MemoryCell.paper(3, 6, 4, make_attention("reallocating_always"), dtype=torch.float64)
     return mt.MemorySequence(cell).trace(4 * randn(40, 2, 3))
 
 

@@ -13,7 +13,7 @@ BASE = {
     *("interface", "stiff", "registry"),
 }
 ALLOWED = {
-    "memory": BASE,
+    "memory": BASE | {"compiled"},
     "control": BASE | {"memory"},
     "plants": BASE,
     "signals": BASE,
@@ -116,9 +116,9 @@ ROOMS = (
     ("sweeps",),
     ("command",),
     ("records",),
-    ("building",),
+    ("building", "sequence_tasks"),
     ("reproduction", "gradients", "tuning", "learning"),
-    ("problems", "problem_tuning", "returns"),
+    ("problems", "problem_tuning", "returns", "peering"),
     ("benchmarking",),
 )
 

@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from ..settings.benchmarks_config import BENCHMARKS
-from ..settings.memory_config import LEARNERS, RECALLERS
+from ..settings.memory_config import LEARNERS
+from ..settings.peers_config import PEERS, TASKS
 from ..settings.problem_tuning_config import TUNED_PROBLEMS
 from .conf_files import group_names
 
@@ -82,10 +83,15 @@ HELP = {
         },
         choices=lambda: {"variants": LEARNERS},
     ),
-    "recall": Help(
-        "Train associative recall by backpropagation: the memory cell beside nn.LSTM and nn.GRU.",
-        {"fewer": "variants=[soft,lstm] seeds=2", "harder": "n_keys=12 n_pairs=10 n_slots=12"},
-        choices=lambda: {"variants": RECALLERS},
+    "peers": Help(
+        "Train sequence models of equal size by backpropagation: the memory beside LSTM, GRU, "
+        "attention and titans, on recall, copy, a long gap and returning changes.",
+        {
+            "fewer": "tasks=[recall] variants=[lstm,memory] seeds=2",
+            "harder": "recall.n_keys=12 recall.n_pairs=10 n_slots=12",
+            "longer": "tasks=[copy] copy.iterations=3000 rates.lstm=0.01",
+        },
+        choices=lambda: {"tasks": TASKS, "variants": PEERS},
     ),
     "benchmarks": Help(
         "Problems with known answers: published or closed form beside ours, a verdict for every "

@@ -13,7 +13,8 @@ from omegaconf import OmegaConf
 from ..settings.benchmarks_config import BenchmarksConfig
 from ..settings.config import ReproduceConfig, SimulateConfig
 from ..settings.ensemble_config import EnsembleConfig
-from ..settings.memory_config import OnlineRegressionConfig, RecallConfig
+from ..settings.memory_config import OnlineRegressionConfig
+from ..settings.peers_config import PeersConfig
 from ..settings.problem_tuning_config import ProblemTuningConfig
 from ..settings.returning_config import ReturningConfig
 from ..settings.study_config import GradientReportConfig, TuneConfig
@@ -66,7 +67,7 @@ def register() -> None:
     store.store(name="base_reproduce", node=ReproduceConfig)
     store.store(name="base_online_regression", node=OnlineRegressionConfig)
     store.store(name="base_ensemble", node=EnsembleConfig)
-    store.store(name="base_recall", node=RecallConfig)
+    store.store(name="base_peers", node=PeersConfig)
     store.store(name="base_tune", node=TuneConfig)
     store.store(name="base_benchmarks", node=BenchmarksConfig)
     store.store(name="base_tune_problems", node=ProblemTuningConfig)

@@ -1,4 +1,4 @@
-"""Pictures of learning: errors over time, learning curves."""
+"""A picture of learning: errors over time."""
 
 from __future__ import annotations
 
@@ -43,28 +43,4 @@ def errors_over_time(
     bottom.set_xlabel("t [s]; dotted: the function changes")
     figure.legend(loc="outside right upper", fontsize="small")
     figure.suptitle("Online regression: error over time")
-    return figure
-
-
-def learning_curves(
-    runs: Mapping[str, np.ndarray], iterations: Mapping[str, int], chance: float
-) -> Figure:
-    """Cross entropy (seeds, points) by variant: the mean, and the range over seeds."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9, 5), layout="constrained")
-    ax = figure.subplots()
-    for colour, (name, losses) in zip(MORE_COLOURS, runs.items(), strict=False):
-        points = losses.shape[1]
-        x = iterations[name] * (np.arange(points) + 0.5) / points
-        style = "--" if name.endswith("_long") else "-"
-        ax.plot(x, losses.mean(axis=0), style, lw=1.2, color=colour, label=name)
-        ax.fill_between(x, losses.min(axis=0), losses.max(axis=0), color=colour, alpha=0.12, lw=0)
-    ax.axhline(chance, color="0.4", lw=0.8, ls=":", label="guessing")
-    ax.set_xlabel("iteration")
-    ax.set_ylabel("cross entropy [nat]; bands: range over seeds")
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    figure.legend(loc="outside right upper", fontsize="small")
-    ax.set_title("Associative recall: learning")
     return figure

@@ -1,10 +1,8 @@
-"""Streams of returning functions, and who learns them sample by sample."""
+"""Who learns a stream of returning functions sample by sample."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
@@ -15,6 +13,7 @@ from mann_torch.control import AdaptiveNetwork, Drive
 from mann_torch.functional import times_column
 from mann_torch.types import NetworkState
 
+from ..sequence_tasks.streams import Stream, uniform
 from ..settings.memory_config import LEARNERS, OnlineRegressionConfig
 
 #: Powers of x whose averages with y tell functions apart; what state keys compare.
@@ -28,35 +27,15 @@ FIXED = ("network_fixed", "readouts")
 BASELINES = dict.fromkeys(LEARNERS[1:], "network") | {"readouts": "network_fixed"}
 
 
-@dataclass(frozen=True)
-class Stream:
-    """K functions a seed: f_k(x) = sum_j c_kj sin(1.5 j x + phase_kj), x uniform in [-1, 1]."""
-
-    amplitude: Tensor  # (B, K, 3)
-    phase: Tensor  # (B, K, 3)
-
-    def value(self, k: int, x: Tensor) -> Tensor:
-        """f_k(x) for x (..., B)."""
-        wave = 1.5 * torch.arange(1, self.phase.shape[-1] + 1) * x.unsqueeze(-1)
-        return (self.amplitude[:, k] * torch.sin(wave + self.phase[:, k])).sum(dim=-1)
-
-    def samples(
-        self, k: int, count: int, generator: torch.Generator
-    ) -> tuple[Tensor, Tensor, Tensor]:
-        """Network inputs (count, B, 3), answers (count, B) and prints' basis (count, B, 4)."""
-        x = _uniform(generator, count + 1, self.phase.shape[0])
-        y = self.value(k, x)
-        inputs = torch.stack([x[1:], x[:-1], y[:-1]], dim=-1)
-        basis = torch.stack([x[1:] ** power for power in range(PRINTS)], dim=-1)
-        return inputs, y[1:], basis
-
-
-def draw_stream(cfg: OnlineRegressionConfig, generator: torch.Generator) -> Stream:
-    """New functions for every seed."""
-    shape = (cfg.seeds, cfg.n_functions, 3)
-    normal = torch.randn(*shape, generator=generator, dtype=torch.float64)
-    phase = math.pi * _uniform(generator, *shape)
-    return Stream(normal / torch.arange(1, 4), phase)
+def samples(
+    stream: Stream, k: int, count: int, generator: torch.Generator
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Network inputs (count, B, 3), answers (count, B) and prints' basis (count, B, 4)."""
+    x = uniform(generator, count + 1, stream.phase.shape[0])
+    y = stream.value(k, x)
+    inputs = torch.stack([x[1:], x[:-1], y[:-1]], dim=-1)
+    basis = torch.stack([x[1:] ** power for power in range(PRINTS)], dim=-1)
+    return inputs, y[1:], basis
 
 
 class Learner(NamedTuple):
@@ -108,7 +87,7 @@ class OnlineLearner(nn.Module):
         if variant in attentions:
             width = n_hidden + (variant == "readouts")
             rule = mt.StateKeys(cfg.key_rate) if variant == "readouts" else None
-            self.cell = mt.MemoryCell(
+            self.cell = mt.MemoryCell.paper(
                 width + PRINTS,
                 width,
                 cfg.n_slots,
@@ -196,7 +175,3 @@ class Part(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """x[first:end] (..., end - first)."""
         return x[..., self.first : self.end]
-
-
-def _uniform(generator: torch.Generator, *shape: int) -> Tensor:
-    return 2.0 * torch.rand(*shape, generator=generator, dtype=torch.float64) - 1.0

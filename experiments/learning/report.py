@@ -164,5 +164,8 @@ def write_pictures(
             stride = -(-len(values) // MAX_POINTS)
             for step in range(0, len(values), stride):
                 writer.add_scalar(tag, float(values[step]), step)
-        results = {f"result/{r[0]}/{measure}": float(str(r[place])) for r in report.comparison.rows}
+        results = {}
+        for row in report.comparison.rows:
+            whose = "/".join(map(str, row[: report.comparison.header.index("variant") + 1]))
+            results[f"result/{whose}/{measure}"] = float(str(row[place]))
         log_summary(writer, telling_settings(cfg), results, figures)

@@ -1,4 +1,4 @@
-"""Schemas of the two learning experiments with the memory: online regression and recall."""
+"""Schema of online regression."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 
 from .config import PicturesConfig
 
-#: Variants of the two experiments.
 LEARNERS = (
     "network",
     "network_matched",
@@ -17,7 +16,6 @@ LEARNERS = (
     "network_fixed",
     "readouts",
 )
-RECALLERS = ("soft", "hard", "relaxed", "reallocating", "lstm", "gru", "lstm_long", "gru_long")
 
 
 @dataclass
@@ -39,31 +37,6 @@ class OnlineRegressionConfig:
     initial_std: float = 1.0  # of the inner weights
     window: float = 1.0  # [s] after a switch that count as such
     seeds: int = 20  # streams, functions and initial weights, all at once
-    workers: int = 2
-    member: int = 0  # whose memory is shown
-    output: PicturesConfig = field(default_factory=PicturesConfig)
-    seed: int = 0
-    run_dir: str | None = None
-
-
-@dataclass
-class RecallConfig:
-    """Associative recall trained by backpropagation, at equal parameter count."""
-
-    variants: list[str] = field(default_factory=list)
-    n_keys: int = 8
-    n_values: int = 8
-    n_pairs: int = 6  # shown, then all of them asked for
-    n_slots: int = 8  # S
-    hidden_size: int = 16  # N of the cell; the others get as many parameters
-    context_size: int = 4  # width of the cell's keys
-    iterations: int = 300
-    longer: int = 5  # times the iterations, for lstm_long and gru_long
-    batch: int = 64
-    rate: float = 0.02  # of Adam, the same for all
-    temperature: float = 0.5  # of relaxed attention
-    test_sequences: int = 2000
-    seeds: int = 5
     workers: int = 2
     member: int = 0  # whose memory is shown
     output: PicturesConfig = field(default_factory=PicturesConfig)

@@ -132,13 +132,14 @@ def _benchmarks(record: Mapping[str, Any]) -> Measured:
 
 
 def _learning(record: Mapping[str, Any]) -> Measured:
-    """Every measure of every variant, over seeds."""
+    """Every measure of every variant, of each task where there are several, over seeds."""
     found = {}
     for row in record["table"]:
+        whose = "_".join(row[key] for key in ("task", "variant") if key in row)
         for name in [name for name in row if f"{name}_half" in row]:
             half = row[f"{name}_half"]
             spread = float("nan") if half is None else float(half)
-            found[f"{name}_{row['variant']}"] = Interval(_one(row[name]).mean, spread)
+            found[f"{name}_{whose}"] = Interval(_one(row[name]).mean, spread)
     return found
 
 
@@ -149,7 +150,7 @@ READERS: dict[str, Callable[[Mapping[str, Any]], Measured]] = {
     "gradient_report": _gradient_report,
     "reproduce": _reproduce,
     "benchmarks": _benchmarks,
-    "recall": _learning,
+    "peers": _learning,
     "online_regression": _learning,
     "tune_problems": _learning,
     "returning": _learning,

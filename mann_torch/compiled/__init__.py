@@ -9,11 +9,14 @@ Warp is imported when a kernel is first made.
 
 from .events.program import EVENT_LEAVES, EventProgram, HybridStep, Places
 from .host.kernels import missing
+from .march.agreement import check_agreement
 from .march.autograd import Marched, march
 from .march.engine import Job
 from .march.layout import Layout, Leaf
 from .march.program import Program
 from .march.scope import Arguments
+from .march.single import Single
+from .trace.fingerprint import Fingerprint
 from .trace.frozen import frozen
 from .trace.telling import UntraceableError
 from .trace.tracing import transformed, with_tensors
@@ -22,6 +25,7 @@ __all__ = [
     "EVENT_LEAVES",
     "Arguments",
     "EventProgram",
+    "Fingerprint",
     "HybridStep",
     "Job",
     "Layout",
@@ -29,7 +33,9 @@ __all__ = [
     "Marched",
     "Places",
     "Program",
+    "Single",
     "UntraceableError",
+    "check_agreement",
     "frozen",
     "march",
     "missing",

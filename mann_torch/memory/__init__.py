@@ -6,7 +6,7 @@ This package imports nothing of control, plants or solvers: other learning code 
 from ..registry import Registry
 from .attention import Attention
 from .cell import MemoryCell
-from .cell_state import Attended, CellState
+from .cell_state import Attended, CellState, Looked
 from .hard import HardAttention
 from .keys import KeyRule, RepresentationKeys, StateKeys
 from .reallocating import PHASES, ReallocatingAttention
@@ -14,6 +14,7 @@ from .relaxed import RelaxedAttention
 from .relaxing import relaxed
 from .sequence import MemorySequence
 from .soft import SoftAttention
+from .stream import MemoryStream
 from .telemetry import MemoryTrace, reallocation_log
 from .working_memory import RESETS, WorkingMemory
 
@@ -37,8 +38,10 @@ __all__ = [
     "CellState",
     "HardAttention",
     "KeyRule",
+    "Looked",
     "MemoryCell",
     "MemorySequence",
+    "MemoryStream",
     "MemoryTrace",
     "ReallocatingAttention",
     "RelaxedAttention",

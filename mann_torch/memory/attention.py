@@ -17,11 +17,11 @@ class Attention(Interface, DesignModule):
 
     1. Weights (..., S) are non-negative, of sum 1, and 0 on inactive slots.
     2. Weights and decisions are functions of the arguments and of declared constants alone, for any
-       batch at once, decided by `where`, in float64.
+       batch at once, decided by `where`, in the arguments' dtype.
     3. Slots have no order: permuted slots have permuted weights, ties aside.
     4. Gradients reach query, keys and constants, and are finite, unused slots or not.
     5. `decide_shift` gives None, always so without `reallocates`, or a `Shift` to one slot: bool,
-       or float64 degrees where activity is `graded`.
+       or degrees where activity is `graded`.
     6. A mechanism whose weights jump says so by `switches`, and overrides `distances`: its weight
        is 1 on the slot with the least of them, which is infinite for unused slots. If it also
        resets, it overrides `margin`: >= 0 where, and only where, a reset is due. Then its events
@@ -36,7 +36,7 @@ class Attention(Interface, DesignModule):
     switches = False
     #: Whether all slots are in use from the start.
     starts_full = True
-    #: Whether a slot's activity is a level in [0, 1], float64, rather than a bool.
+    #: Whether a slot's activity is a level in [0, 1] rather than a bool.
     graded = False
 
     @abstractmethod

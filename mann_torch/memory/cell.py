@@ -1,113 +1,179 @@
-"""The working memory as a recurrent cell: `read, state = cell(x, state)`."""
+"""The working memory as a recurrent cell: `output, state = cell(x, state)`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, cast
+from collections.abc import Sequence
+from typing import Any, Self
 
 import torch
 from torch import Tensor, nn
 
-from ..checks import flag, instance, sizes, whole
-from ..constraints import DesignModule, Positive
-from ..errors import DtypeError
+from ..checks import choice, flag, instance, sizes, whole
+from ..constraints import Positive, follow_dtype
+from ..errors import ConfigError, DtypeError
 from ..functional import Numbers
-from ..types import MemoryOutput, MemoryState
+from ..types import MemoryState
 from .attention import Attention
-from .cell_state import Attended, CellState, check_state, even, state_of
-from .checks import Sizes, autocast_is_on, check_tensor, check_within, common_batch
-from .keys import KeyRule
+from .cell_flow import CellFlow
+from .cell_state import Attended, CellState, state_of
+from .checks import Sizes, check_tensor, common_batch
+from .directions import Directions
+from .inertia import Inertia
+from .keys import KeyRule, RepresentationKeys, StateKeys
 from .soft import SoftAttention
-from .stepping import exponential_step
 from .working_memory import WorkingMemory
+from .writing import WRITINGS
 
 
-class MemoryCell(DesignModule):
+class MemoryCell(CellFlow):
     """S slots of N numbers, read and written by attention, as a recurrent cell.
 
-    One step with x (..., input_size), in the order of the paper's hybrid system:
+    One step with x (..., input_size):
 
-    1. features sigma = features(x), by default sigmoid(V'x + b_v);
+    1. features: with `inertia` sigma follows tanh(V'x + b_v + U sigma) over learned time constants
+       (`Inertia`), without it is sigmoid(V'x + b_v);
     2. jump: reallocating attention resets a slot where none is relevant;
-    3. read h_o = sum_i w_r(i) mu_i (eq. memoryread), before x is written;
-    4. write d mu_i/dt = w_r(i) (c_w sigma + W h_e' - mu_i) (eq. memorywrite) over `dt`, with w_r
-       held: mu_i += (1 - exp(-w_r(i) dt)) (c_w sigma + W h_e' - mu_i), its exact solution, stable
-       at any dt; the same for state keys. A key rule without `rate` takes Euler's step.
+    3. read h_o = sum_i w_r(i) mu_i (paper, eq. memoryread), before x is written;
+    4. write d mu_i/dt = w(i) (c_w sigma + W h_e' - mu_i) (eq. memorywrite) over `dt`, with w held:
+       mu_i += (1 - exp(-w(i) dt)) (c_w sigma + W h_e' - mu_i), its exact solution, stable at any
+       dt; the same for state keys. A key rule without `rate` takes Euler's step. `writing` says
+       what w is: ``attended``, w_r itself, as in the paper; ``next``, one slot after the other, the
+       next one's turn once more than half of a slot has been written.
 
-    It returns h_o (..., N), or with `output_size` W'(sigma + h_o) + b_w, what the paper's network
-    estimates (its control signal u_ad, eq. nnoutput, is minus this).
+    `clock=True` lets memory's time run by log(1 + exp(c'x + d'sigma + b)): a step of dt = 1 then
+    writes the share sigmoid(c'x + d'sigma + b) of a slot, and time stands still for what is not to
+    be kept. Output: sigma + M h_o (..., N) with inertia, h_o without; with `output_size` a linear
+    layer of it, or W'(sigma + h_o) + b_w, what the paper's network estimates (its control signal
+    u_ad, eq. nnoutput, is minus this).
 
-    `key_rule` as in `WorkingMemory`; state keys compare x, or `context_size` numbers that a linear
-    layer makes of it. `features` replaces the first layer: any module (..., input_size) ->
-    (..., hidden_size), made float64. `clock=True` lets a layer scale each step's dt by 2 sigmoid
-    (c'x + b), between 0 and 2: time stands still for what is not to be written. Constants, frozen
-    until `tune` names them: `dt` (in units of the write law's time constant, 1 s in the paper),
-    `write_gain` (c_w [-]), and those of attention and key rule. `slots` and `slot_keys`, learnable,
-    are what a run starts from, unless `memory.store_` gave contents.
+    The defaults learn what `nn.LSTM` learns and what it does not (docs/memory.md); `paper` gives
+    the paper's law. `key_rule` as in `WorkingMemory`, by default state keys, which compare x, or
+    `context_size` numbers that a linear layer makes of it, of them the direction alone with
+    `directions`. `features` replaces the first layer: any module
+    (..., input_size) -> (..., hidden_size), with inertia what is inside the tanh.
+
+    Constants, frozen until `tune` names them: `dt` (in units of the write law's time constant, 1 s
+    in the paper), `write_gain` (c_w [-]), and those of attention and key rule. `slots` and
+    `slot_keys`, learnable, are what a run starts from, unless `memory.store_` gave contents.
 
     Gradients flow through contents and, under soft and relaxed attention, through the weights.
     Hard and reallocating attention choose: through the choice there is none (`relaxed(cell, T)`
-    gives the smooth form of the same cell).
+    gives the smooth form of the same cell); nor is there through whose turn it is.
 
-    `dtype` is that of x and of what is returned (default: torch's), and `.float()` or
-    `.to(dtype)` change just that. Inside, parameters and state are float64, always.
+    `dtype` is that of x, of parameters and state, and of the arithmetic (default: torch's);
+    `.float()`, `.double()` and `.to(dtype)` change it.
 
     Raises `ConfigError` or `DomainError` for a setting, `ShapeError` or `DtypeError` for a tensor
     that does not fit.
 
-    >>> cell = MemoryCell(input_size=3, hidden_size=8, n_slots=4)
-    >>> read, state = cell(torch.zeros(2, 3), cell.initial_state((2,)))
-    >>> read.shape, read.dtype, state.mu.shape
-    (torch.Size([2, 8]), torch.float32, torch.Size([2, 4, 8]))
+    >>> cell = MemoryCell(input_size=3, hidden_size=8)
+    >>> output, state = cell(torch.zeros(2, 3), cell.initial_state((2,)))
+    >>> output.shape, output.dtype, state.mu.shape
+    (torch.Size([2, 8]), torch.float32, torch.Size([2, 8, 8]))
     """
 
     def __init__(
         self,
         input_size: int,
         hidden_size: int,
-        n_slots: int = 5,
+        n_slots: int = 8,
         attention: Attention | None = None,
         key_rule: KeyRule | None = None,
         *,
-        context_size: int | None = None,
+        context_size: int | None = 16,
+        directions: bool = True,
         output_size: int | None = None,
         features: nn.Module | None = None,
-        clock: bool = False,
+        inertia: bool = True,
+        clock: bool = True,
+        writing: str | None = None,
         dt: Numbers = 1.0,
-        write_gain: Numbers = 0.75,
+        write_gain: Numbers = 1.0,
         reset: str = "scaled",
         dtype: torch.dtype | None = None,
     ) -> None:
         super().__init__()
-        double, input_size = torch.float64, whole("input_size", input_size)
-        hidden_size, n_slots = whole("hidden_size", hidden_size), whole("n_slots", n_slots)
-        context_size = None if context_size is None else whole("context_size", context_size)
-        output_size = None if output_size is None else whole("output_size", output_size)
-        self.input_size, self.hidden_size, self.n_slots = input_size, hidden_size, n_slots
-        self.dtype = torch.get_default_dtype() if dtype is None else dtype
-        if not isinstance(self.dtype, torch.dtype) or not self.dtype.is_floating_point:
-            raise DtypeError(f"dtype = {self.dtype}: must be a floating-point torch.dtype")
+        self.input_size = input_size = whole("input_size", input_size)
+        self.hidden_size = hidden_size = whole("hidden_size", hidden_size)
+        self.n_slots = n_slots = whole("n_slots", n_slots)
+        dtype = torch.get_default_dtype() if dtype is None else dtype
+        if not isinstance(dtype, torch.dtype) or not dtype.is_floating_point:
+            raise DtypeError(f"dtype = {dtype}: must be a floating-point torch.dtype")
         attention = SoftAttention() if attention is None else attention
-        width = input_size if context_size is None else context_size
+        key_rule = StateKeys() if key_rule is None else key_rule
+        width = self._make_context(
+            instance("key_rule", key_rule, KeyRule), context_size, flag("directions", directions)
+        )
         self.memory = WorkingMemory(
             n_slots, hidden_size, attention, key_rule, width, write_gain, reset
         )
+        in_turn = "attended" if attention.reallocates else "next"
+        self.writing = in_turn if writing is None else choice("writing", writing, WRITINGS)
+        if self.writing == "next" and attention.reallocates:
+            raise ConfigError("reallocating attention chooses what it writes: writing='attended'")
+        self.inertia = Inertia(input_size, hidden_size) if flag("inertia", inertia) else None
         if features is None:
-            features = nn.Sequential(nn.Linear(input_size, hidden_size), nn.Sigmoid())
-        self.features = instance("features", features, nn.Module).to(double)
-        self.context: nn.Module = nn.Identity()
-        if context_size is not None:
-            self.context = nn.Linear(input_size, context_size, dtype=double)
-        self.clock = nn.Linear(input_size, 1, dtype=double) if flag("clock", clock) else None
+            features = nn.Linear(input_size, hidden_size)
+            if self.inertia is not None:
+                self.inertia.begin(features.weight)
+            else:
+                features = nn.Sequential(features, nn.Sigmoid())
+        self.features = instance("features", features, nn.Module)
+        self.clock = nn.Linear(input_size, 1) if flag("clock", clock) else None
+        if self.clock is not None:
+            nn.init.ones_(self.clock.bias)  # what comes is written, until it is learned what not to
+        fed_back = clock and inertia
+        self.clock_feedback = nn.Linear(hidden_size, 1, bias=False) if fed_back else None
+        self.mix = nn.Linear(hidden_size, hidden_size, bias=False) if inertia else None
         self.output = None
         if output_size is not None:
-            self.output = nn.Linear(hidden_size, output_size, dtype=double)
+            self.output = nn.Linear(hidden_size, whole("output_size", output_size))
         self.dt: Tensor
         self.declare("dt", dt, Positive())
-        # Contents as c_w sigma has them, no two alike: equal slots would stay equal.
-        gain = self.memory.write_gain.detach().mean()
-        self.slots = nn.Parameter(gain * torch.rand(n_slots, hidden_size, dtype=double))
-        self.slot_keys = nn.Parameter(torch.randn_like(self.memory.initial_keys))
+        self._make_contents()
+        follow_dtype(self)
+        self.to(dtype)
+
+    @classmethod
+    def paper(
+        cls,
+        input_size: int,
+        hidden_size: int,
+        n_slots: int = 5,
+        attention: Attention | None = None,
+        key_rule: KeyRule | None = None,
+        **options: Any,
+    ) -> Self:
+        """The paper's memory: no inertia, no clock, written where it is read, c_w = 0.75.
+
+        Keys are the contents, unless another rule is given. `options` as the class takes them.
+
+        >>> MemoryCell.paper(3, 8).initial_state().mu.shape
+        torch.Size([5, 8])
+        """
+        key_rule = RepresentationKeys() if key_rule is None else key_rule
+        theirs: dict[str, Any] = {"inertia": False, "clock": False, "writing": "attended"}
+        theirs |= {"context_size": None, "directions": False, "write_gain": 0.75, **options}
+        return cls(input_size, hidden_size, n_slots, attention, key_rule, **theirs)
+
+    def _make_context(self, key_rule: KeyRule, context_size: int | None, directions: bool) -> int:
+        """What keys are compared with, and its width."""
+        self.context = nn.Identity()
+        width = self.input_size if context_size is None else whole("context_size", context_size)
+        if context_size is None or not key_rule.compares_context:
+            return self.input_size
+        kind = Directions if directions else nn.Linear
+        self.context = kind(self.input_size, width)
+        return width
+
+    def _make_contents(self) -> None:
+        """What a run starts from: nothing, or where slots are chosen by contents no two alike."""
+        keys = self.memory.initial_keys
+        shape, gain = (self.n_slots, self.hidden_size), self.memory.write_gain.detach().mean()
+        in_turn = self.writing == "next"
+        mu = gain * torch.rand(shape, dtype=torch.float64)
+        self.slots = nn.Parameter(torch.zeros_like(mu) if in_turn else mu)
+        self.slot_keys = nn.Parameter((0.1 if in_turn else 1.0) * torch.randn_like(keys))
 
     def initial_state(self, batch_shape: Sequence[int] | int = ()) -> CellState:
         """State before the first step: `slots` and `slot_keys`, or what `memory.store_` kept."""
@@ -116,14 +182,20 @@ class MemoryCell(DesignModule):
         mu = torch.where(memory.has_contents, memory.initial_mu, self.slots)
         keys = torch.where(memory.has_contents, memory.initial_keys, self.slot_keys)
         start = MemoryState(mu.expand(*batch, -1, -1), keys.expand(*batch, -1, -1))
-        return state_of(start, memory.initial_mode(batch))
+        return state_of(start, memory.initial_mode(batch), self._first(batch))
+
+    def _first(self, batch: Sizes) -> Tensor:
+        """Features with inertia before the first step (*batch, N), or (*batch, 0)."""
+        first = self.slots[0, :0] if self.inertia is None else self.inertia.first
+        return first.expand(*batch, -1)
 
     def initial_state_at(self, x: Tensor) -> CellState:
         """The paper's start: every slot c_w sigma at the first x (..., I), with fresh keys."""
-        hidden, context = self._look(x)
-        return state_of(
-            self.memory.initial_state(hidden, context), self.memory.initial_mode(x.shape[:-1])
-        )
+        looked, batch = self.look(x), tuple(x.shape[:-1])
+        first = self._first(batch)
+        mode = self.memory.initial_mode(batch)
+        hidden = self._hidden(looked, self.initial_state(batch))
+        return state_of(self.memory.initial_state(hidden, looked.context), mode, first)
 
     def forward(
         self,
@@ -151,100 +223,17 @@ class MemoryCell(DesignModule):
 
         Raises as `forward`.
         """
-        hidden, context = self._look(x, state)
-        span = self.dt if dt is None else self._span(dt, x, state)
-        memory, mode = self.memory.reallocate(hidden, context, state.memory, state.mode)
-        out = self.memory(hidden, torch.zeros_like(hidden), context, memory, mode)
-        after = state_of(memory, self.memory.note(out.weights, mode))
-        pace = self._pace(x)
-        return Attended(out.read, out.weights, hidden, context, out.d_memory, pace * span, after)
+        batch = self._batch(x, state)
+        return self._attend(self.look(x, None if dt is None else self._length(dt, batch)), state)
 
     def write(self, seen: Attended, correction: Tensor | None = None) -> CellState:
         """The second half: the write law over dt with the weights held. Raises as `forward`."""
         instance("seen", seen, Attended)
-        memory, change = seen.state.memory, seen.d_memory
         if correction is not None:
-            mode = seen.state.mode._replace(held=seen.weights)
-            bent = self._correction(correction, tuple(seen.weights.shape[:-1]))
-            change = self.memory(seen.hidden, bent, seen.context, memory, mode).d_memory
-        rate = self.memory.key_rule.rate(seen.weights)
-        mu = exponential_step(memory.mu, change.mu, seen.weights, seen.dt)
-        keys = exponential_step(memory.keys, change.keys, rate, seen.dt)
-        return even(seen.state._replace(mu=mu, keys=keys))
+            self._check_correction(correction, tuple(seen.weights.shape[:-1]))
+        return self._write(seen, correction)
 
     def output_of(self, seen: Attended) -> Tensor:
-        """h_o (..., N), or W'(sigma + h_o) + b_w (..., output_size), in `dtype`."""
+        """h_o (..., N), or W'(sigma + h_o) + b_w (..., output_size). Raises `KindError`."""
         instance("seen", seen, Attended)
-        out = seen.read if self.output is None else self.output(seen.hidden + seen.read)
-        return out.to(self.dtype)
-
-    def flow(self, x: Tensor, state: CellState, correction: Tensor | None = None) -> MemoryOutput:
-        """Read, weights and d memory/dt at x (..., I), float64: the cell as a term of an ODE.
-
-        Nothing jumps: put `jump` between the pieces that a solver integrates. Raises as `forward`.
-        """
-        hidden, context = self._look(x, state)
-        bent = torch.zeros_like(hidden)
-        if correction is not None:
-            bent = self._correction(correction, self._batch(x, state))
-        out = self.memory(hidden, bent, context, state.memory, state.mode)
-        pace = self._pace(x).unsqueeze(-1).unsqueeze(-1)
-        rates = MemoryState(pace * out.d_memory.mu, pace * out.d_memory.keys)
-        return MemoryOutput(out.read, out.weights, rates)
-
-    def d_memory(
-        self, x: Tensor, state: CellState, correction: Tensor | None = None
-    ) -> MemoryState:
-        """d mu/dt (..., S, N) and d keys/dt (..., S, D), for a solver's right-hand side."""
-        return self.flow(x, state, correction).d_memory
-
-    def jump(self, x: Tensor, state: CellState) -> CellState:
-        """Attention's decisions alone: reallocation, and which slot is attended now.
-
-        Raises as `forward`.
-        """
-        hidden, context = self._look(x, state)
-        return state_of(*self.memory.jump(hidden, context, state.memory, state.mode))
-
-    def _look(self, x: Tensor, *states: CellState) -> tuple[Tensor, Tensor]:
-        """The way in: features and context, float64, of an x and states that fit."""
-        check_tensor("x", x, (self.input_size,), None)
-        if x.dtype != self.dtype and not autocast_is_on(x.device):
-            raise DtypeError(
-                f"x is {x.dtype}, this cell takes {self.dtype}: convert x, or the cell with "
-                f".to({x.dtype})"
-            )
-        for state in states:
-            self._batch(x, state)
-        x = x.to(torch.float64)
-        return self.features(x), self.context(x)
-
-    def _batch(self, x: Tensor, state: CellState) -> Sizes:
-        """The batch shape of x and a checked state together."""
-        tails = (tuple(self.slots.shape), tuple(self.slot_keys.shape), (self.n_slots,), (), (), ())
-        held = check_state(state, tails, self.memory.attention.graded)
-        return common_batch({"x": tuple(x.shape[:-1]), "state": held})
-
-    def _span(self, dt: Tensor | float, x: Tensor, state: CellState) -> Tensor:
-        if isinstance(dt, int | float) and not isinstance(dt, bool):
-            dt = torch.as_tensor(dt, dtype=torch.float64)
-        span = cast(Tensor, dt)  # as is checked next
-        check_within("dt", check_tensor("dt", span, (), None), self._batch(x, state))
-        return span.to(torch.float64)
-
-    def _correction(self, correction: Tensor, batch: Sizes) -> Tensor:
-        found = check_tensor("correction", correction, (self.hidden_size,), None)
-        check_within("correction", found, batch)
-        return correction.to(torch.float64)
-
-    def _pace(self, x: Tensor) -> Tensor:
-        if self.clock is None:
-            return torch.ones_like(x[..., 0], dtype=torch.float64)
-        return 2.0 * torch.sigmoid(self.clock(x.to(torch.float64)).squeeze(-1))
-
-    def _apply(self, fn: Callable[[Tensor], Tensor], recurse: bool = True) -> Any:
-        """`.float()` and `.to(dtype)` set what goes in and comes out; inside stays float64."""
-        asked = {fn(torch.zeros((), dtype=kind)).dtype for kind in (torch.float32, torch.float64)}
-        if len(asked) == 1:
-            (self.dtype,) = asked
-        return super()._apply(fn, recurse)
+        return self.shown(seen.hidden, seen.read)

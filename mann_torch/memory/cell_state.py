@@ -13,20 +13,23 @@ from ..trees import portable
 from ..types import MemoryMode, MemoryState
 from .checks import Sizes, check_tensor
 
-#: Event dimensions of a state's leaves.
-RANKS = (2, 2, 1, 0, 0, 0)
+#: Event dimensions of the leaves of a state, and of what is made of x.
+RANKS = (1, 2, 2, 1, 0, 0, 0, 0)
+LOOKED_RANKS = (1, 1, 1, 0, 0)
 
 
 @portable
 class CellState(NamedTuple):
     """All that a cell carries from one step to the next; nothing but tensors."""
 
-    mu: Tensor  # (..., S, N) float64, slot contents
-    keys: Tensor  # (..., S, D) float64, keys with a motion of their own; D = 0 if there are none
-    active: Tensor  # (..., S) bool, slots in use; relaxed attention: float64 levels in [0, 1]
+    hidden: Tensor  # (..., N) features that have inertia; N = 0 if they have none
+    mu: Tensor  # (..., S, N) slot contents
+    keys: Tensor  # (..., S, D) keys with a motion of their own; D = 0 if there are none
+    active: Tensor  # (..., S) bool, slots in use; relaxed attention: levels in [0, 1]
     attended: Tensor  # (...,) int64, slot with the largest weight; -1 before the first step
     switches: Tensor  # (...,) int64, changes of the attended slot so far
     reallocations: Tensor  # (...,) int64, resets so far
+    next: Tensor  # (...,) int64, slot to be written, where they are written in turn
 
     @property
     def memory(self) -> MemoryState:
@@ -43,21 +46,34 @@ class CellState(NamedTuple):
         return CellState(*(leaf.detach() for leaf in self))
 
 
+class Looked(NamedTuple):
+    """What a step takes of its x alone."""
+
+    hidden: Tensor  # (..., N) sigma; with inertia, what it is drawn to
+    pace: Tensor  # (..., N) how fast, before what the features themselves add; or (..., 0)
+    context: Tensor  # (..., C) what state keys compare
+    clock: Tensor  # (...,) how fast memory's time runs, likewise; not read without a clock
+    dt: Tensor  # (...,) the step
+
+
 class Attended(NamedTuple):
     """A look at the memory, and what writing to it needs."""
 
-    read: Tensor  # (..., N) float64, h_o
-    weights: Tensor  # (..., S) float64, w_r
-    hidden: Tensor  # (..., N) float64, sigma
-    context: Tensor  # (..., C) float64, what state keys compare
-    d_memory: MemoryState  # time derivative without a correction
+    read: Tensor  # (..., N) h_o
+    weights: Tensor  # (..., S) w_r
+    hidden: Tensor  # (..., N) sigma
+    context: Tensor  # (..., C) what state keys compare
     dt: Tensor  # (...,) the step
     state: CellState  # after the jump, before the step
 
 
-def state_of(memory: MemoryState, mode: MemoryMode) -> CellState:
+def state_of(
+    memory: MemoryState, mode: MemoryMode, hidden: Tensor | None = None, slot: Tensor | None = None
+) -> CellState:
     """Memory and mode as one flat state, all leaves of one batch shape."""
-    return even(CellState(*memory, *mode[:4]))
+    hidden = memory.mu[..., 0, :0] if hidden is None else hidden
+    slot = torch.zeros_like(mode.attended) if slot is None else slot
+    return even(CellState(hidden, *memory, *mode[:4], slot))
 
 
 def even(state: CellState) -> CellState:
@@ -74,19 +90,21 @@ def even(state: CellState) -> CellState:
     )
 
 
-def check_state(state: CellState, tails: Sequence[Sizes], graded: bool) -> Sizes:
-    """Batch shape of a state whose leaves end in `tails`, in their order.
+def check_state(
+    state: CellState, tails: Sequence[Sizes], graded: bool, dtype: torch.dtype
+) -> Sizes:
+    """Batch shape of a state whose leaves end in `tails`, in their order, numbers in `dtype`.
 
     Raises `KindError` for what is no state, `ShapeError`, `DtypeError` for a leaf that does not
     fit.
     """
     if not isinstance(state, CellState):
         raise KindError(f"state is {type(state).__name__}, not CellState: use initial_state")
-    double, count = torch.float64, torch.int64
-    dtypes = (double, double, double if graded else torch.bool, count, count, count)
+    count = torch.int64
+    dtypes = (dtype, dtype, dtype, dtype if graded else torch.bool, *(count,) * 4)
     batch: Sizes | None = None
-    for name, leaf, tail, dtype in zip(state._fields, state, tails, dtypes, strict=True):
-        found = check_tensor(f"state.{name}", leaf, tail, dtype)
+    for name, leaf, tail, kind in zip(state._fields, state, tails, dtypes, strict=True):
+        found = check_tensor(f"state.{name}", leaf, tail, kind)
         if batch is not None and found != batch:
             raise ShapeError(f"batch shapes do not fit: state.mu {batch}, state.{name} {found}")
         batch = found

@@ -17,6 +17,9 @@ from ..types import Comparison, MemoryState
 class KeyRule(Interface, DesignModule):
     """Interface of a key rule."""
 
+    #: Whether the context is read at all.
+    compares_context = True
+
     @abstractmethod
     def width(self, context_width: int) -> int:
         """Width D of the keys this rule integrates itself; 0 if it has none."""
@@ -48,6 +51,8 @@ class RepresentationKeys(KeyRule):
 
     Paper: eqs. (keyupdynrep) and (indsel-1).
     """
+
+    compares_context = False
 
     def width(self, context_width: int) -> int:
         """0: the contents serve as keys."""

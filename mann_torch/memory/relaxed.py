@@ -12,9 +12,6 @@ from ..types import Comparison, MemoryMode, Shift
 from .attention import Attention
 from .reallocating import PHASES
 
-#: Activity below this, the smallest normal number, counts as 0: its logarithm has no slope.
-TINY = torch.finfo(torch.float64).tiny
-
 
 class RelaxedAttention(Attention):
     """Hard attention (phase None) or reallocating attention at a temperature T > 0.
@@ -75,7 +72,7 @@ class RelaxedAttention(Attention):
         return torch.softmax(closeness(distances, use, self.temperature), dim=-1)
 
     def decide_shift(self, distances: Tensor, mode: MemoryMode) -> Shift | None:
-        """p (...,) and u (..., S), both float64; None without a phase."""
+        """p (...,) and u (..., S), degrees; None without a phase."""
         if self.phase is None:
             return None
         T = self.temperature
@@ -92,11 +89,12 @@ class RelaxedAttention(Attention):
 
 def log_use(active: Tensor, temperature: Tensor) -> Tensor:
     """log g_i (..., S), g_i the degree to which a slot of activity a_i is in use."""
-    partly = (active >= TINY) & (active < 1)
+    tiny = torch.finfo(active.dtype).tiny  # below it a_i counts as 0: its logarithm has no slope
+    partly = (active >= tiny) & (active < 1)
     level = torch.where(partly, active, 0.5)
     log_odds = level.log() - torch.log1p(-level)
     log_g = torch.nn.functional.logsigmoid(log_odds / temperature.unsqueeze(-1))
-    return torch.where(partly, log_g, torch.where(active < TINY, -torch.inf, 0.0))
+    return torch.where(partly, log_g, torch.where(active < tiny, -torch.inf, 0.0))
 
 
 def closeness(distances: Tensor, use: Tensor, temperature: Tensor) -> Tensor:

@@ -7,10 +7,10 @@ import itertools
 from typing import TypeVar, cast
 
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from ..checks import instance
-from ..constraints import Positive
+from ..constraints import DesignModule, Positive, follow_dtype
 from ..errors import ConfigError
 from ..functional import Numbers, as_float64
 from .attention import Attention
@@ -38,15 +38,22 @@ def relaxed(module: Module, temperature: Numbers) -> Module:
     """
     instance("module", module, nn.Module)
     Positive().check("temperature", as_float64(temperature, "temperature").detach())
+    return cast(Module, _exchanged(module, temperature, _like(module)))
+
+
+def _like(module: nn.Module) -> Tensor:
+    """A tensor on the module's device, of its dtype where parts follow that."""
     held = itertools.chain(module.parameters(), module.buffers())
-    device = next((tensor.device for tensor in held), torch.device("cpu"))
-    return cast(Module, _exchanged(module, temperature, device))
+    floats = (tensor for tensor in held if tensor.is_floating_point())
+    return next(floats, torch.zeros((), dtype=torch.float64))
 
 
-def _exchanged(module: nn.Module, temperature: Numbers, device: torch.device) -> nn.Module:
+def _exchanged(module: nn.Module, temperature: Numbers, like: Tensor) -> nn.Module:
     if isinstance(module, Attention):
-        return _attention(module, temperature, device)
-    parts = {name: _exchanged(part, temperature, device) for name, part in module.named_children()}
+        return _attention(module, temperature, like)
+    if isinstance(module, DesignModule):
+        like = _like(module)
+    parts = {name: _exchanged(part, temperature, like) for name, part in module.named_children()}
     if all(part is module._modules[name] for name, part in parts.items()):
         return module
     twin = copy.copy(module)  # its dictionaries of parameters and buffers are the same
@@ -54,16 +61,19 @@ def _exchanged(module: nn.Module, temperature: Numbers, device: torch.device) ->
     return twin
 
 
-def _attention(attention: Attention, temperature: Numbers, device: torch.device) -> Attention:
+def _attention(attention: Attention, temperature: Numbers, like: Tensor) -> Attention:
     kind = type(attention)
     if kind is SoftAttention:
         return attention
     if kind not in (HardAttention, ReallocatingAttention, RelaxedAttention):
         raise ConfigError(f"{kind.__name__} has no relaxed form")
     phase = getattr(attention, "phase", None)
-    found = RelaxedAttention(temperature, phase).to(device)
+    found = RelaxedAttention(temperature, phase).to(like.device)
+    if attention.follows_dtype:
+        follow_dtype(found)
+        found.to(like.dtype)
     if isinstance(temperature, torch.Tensor) and temperature.requires_grad:
-        found.share("temperature", temperature)
+        found.share("temperature", temperature.to(found.temperature.dtype))
     if phase is not None:
         found.share("shift_threshold", attention.constant("shift_threshold"))
     return found

@@ -5,9 +5,6 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-#: Below this the series of `relaxation` is exact to rounding.
-SMALL = 1e-8
-
 
 def relaxation(z: Tensor) -> Tensor:
     """(1 - exp(-z)) / z for z >= 0, smooth through 1 at z = 0; any shape.
@@ -15,9 +12,13 @@ def relaxation(z: Tensor) -> Tensor:
     >>> relaxation(torch.tensor([0.0, 1.0, 1e3], dtype=torch.float64)).tolist()
     [1.0, 0.6321205588285577, 0.001]
     """
-    small = z < SMALL
-    safe = torch.where(small, 1.0, z)
-    return torch.where(small, 1.0 - 0.5 * z, -torch.expm1(-safe) / safe)
+    # Below it the series is exact to rounding, and the quotient's slope is not.
+    small = z < (1e-3 if z.dtype == torch.float64 else 1e-1)
+    near, far = torch.where(small, z, 0.0), torch.where(small, 1.0, z)
+    series = torch.ones_like(z)
+    for n in (6, 5, 4, 3, 2):
+        series = 1.0 - near / n * series
+    return torch.where(small, series, -torch.expm1(-far) / far)
 
 
 def exponential_step(value: Tensor, derivative: Tensor, rate: Tensor, dt: Tensor) -> Tensor:
@@ -28,3 +29,8 @@ def exponential_step(value: Tensor, derivative: Tensor, rate: Tensor, dt: Tensor
     """
     span = dt.unsqueeze(-1)
     return value + (span * relaxation(rate * span)).unsqueeze(-1) * derivative
+
+
+def share_of(rate: Tensor, dt: Tensor) -> Tensor:
+    """1 - exp(-rate dt) (..., S): how far in dt (...,) something goes towards a held target."""
+    return -torch.expm1(-rate * dt.unsqueeze(-1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import cast
 
 import torch
 from torch import Tensor
@@ -30,9 +31,8 @@ class WorkingMemory(DesignModule):
     write law's fixed point, or ``raw`` = sigma. `context_width` is the width of what state keys
     compare (the arm's n joint positions).
 
-    State goes in and comes out; nothing is kept between calls. The buffers `initial_mu` (S, N),
-    `initial_keys` (S, D) and `initial_active` (S,) hold what to start from once `store_` has filled
-    them; before that every slot starts as c_w sigma at t = 0.
+    The buffers `initial_mu` (S, N), `initial_keys` (S, D) and `initial_active` (S,) hold what to
+    start from once `store_` has filled them; before that every slot starts as c_w sigma at t = 0.
 
     Raises `ConfigError` for fewer than one slot or neuron or an unknown reset, `KindError` for a
     part that is no attention or key rule.
@@ -63,16 +63,15 @@ class WorkingMemory(DesignModule):
         self.initial_active: Tensor
         self.has_contents: Tensor
         width = self.key_rule.width(context_width)
-        self.register_buffer("initial_mu", torch.zeros(n_slots, n_hidden, dtype=torch.float64))
-        self.register_buffer("initial_keys", torch.zeros(n_slots, width, dtype=torch.float64))
+        for name, size in (("initial_mu", n_hidden), ("initial_keys", width)):
+            self.register_buffer(name, torch.zeros(n_slots, size, dtype=torch.float64))
         self.register_buffer("initial_active", torch.ones(n_slots, dtype=torch.bool))
         self.register_buffer("has_contents", torch.tensor(False))
 
     def initial_state(self, hidden: Tensor, context: Tensor) -> MemoryState:
         """Memory at t = 0 for features (..., N) and context (..., C).
 
-        Every slot c_w sigma with fresh keys, or the stored contents. Raises `ShapeError`,
-        `DtypeError`.
+        Each slot c_w sigma with a fresh key, or what is stored. Raises `ShapeError`, `DtypeError`.
         """
         self._check(hidden, context)
         fixed_point = (self.write_gain.unsqueeze(-1) * hidden).unsqueeze(-2)
@@ -83,9 +82,9 @@ class WorkingMemory(DesignModule):
         return MemoryState(mu, torch.where(stored, self.initial_keys, fresh).expand(*batch, -1, -1))
 
     def initial_mode(self, batch_shape: Sequence[int]) -> MemoryMode:
-        """All slots active, or only the first where attention grows the set, or those stored.
+        """All slots active, the first where attention grows the set, or those stored.
 
-        Boolean, or float64 where attention is `graded`.
+        Boolean; numbers where attention is `graded`.
         """
         batch_shape = sizes("batch_shape", batch_shape)
         fresh = torch.ones_like(self.initial_active)
@@ -94,7 +93,7 @@ class WorkingMemory(DesignModule):
         active = torch.where(self.has_contents, self.initial_active, fresh)
         active = active.expand(*batch_shape, -1).clone()
         if self.attention.graded:
-            active = active.to(torch.float64)
+            active = active.to(self.initial_mu.dtype)
         count = torch.zeros(batch_shape, dtype=torch.int64, device=active.device)
         return MemoryMode(active, count - 1, count, count.clone())
 
@@ -112,10 +111,24 @@ class WorkingMemory(DesignModule):
         """
         self._check(hidden, context, (memory, mode), corrections=(correction,))
         weights = self._attend(hidden, context, memory, mode)
-        target = self.write_gain.unsqueeze(-1) * hidden + correction
-        d_mu = weights.unsqueeze(-1) * (target.unsqueeze(-2) - memory.mu)
+        d_mu = weights.unsqueeze(-1) * self.offset(hidden, correction, memory)
         d_keys = self.key_rule.derivative(weights, context, memory)
         return MemoryOutput(row_times(weights, memory.mu), weights, MemoryState(d_mu, d_keys))
+
+    def attend(
+        self, hidden: Tensor, context: Tensor, memory: MemoryState, mode: MemoryMode
+    ) -> tuple[Tensor, Tensor]:
+        """Weights w_r (..., S) and read h_o (..., N). Raises as `forward`."""
+        self._check(hidden, context, (memory, mode))
+        weights = self._attend(hidden, context, memory, mode)
+        found = f"weights of {type(self.attention).__name__}"
+        check_together([(found, weights, (self.n_slots,), self.initial_mu.dtype)])
+        return weights, row_times(weights, memory.mu)
+
+    def offset(self, hidden: Tensor, correction: Tensor | None, memory: MemoryState) -> Tensor:
+        """c_w sigma + W h_e' - mu_i (..., S, N): how far each slot is from what is written."""
+        target = self.write_gain.unsqueeze(-1) * hidden
+        return (target if correction is None else target + correction).unsqueeze(-2) - memory.mu
 
     def jump(
         self, hidden: Tensor, context: Tensor, memory: MemoryState, mode: MemoryMode
@@ -145,14 +158,13 @@ class WorkingMemory(DesignModule):
     ) -> tuple[MemoryState, MemoryMode]:
         """Reset the slot that attention names where it asks for it, or where `due` (...,) says.
 
-        Relaxed attention resets each slot to a degree; one of more than half counts. With state
-        keys a fresh key can equal another slot's exactly, where the state stands still: the lowest
-        index wins that tie, so that attention may stay where it was.
+        Relaxed attention resets each slot to a degree; one of more than half counts. A fresh state
+        key can equal another slot's, where the state stands still: the lowest index wins that tie.
         """
         if not self.attention.reallocates:
             return memory, mode
         shift = self.attention.decide_shift(self.relevance(hidden, memory), mode)
-        if shift is None:
+        if shift is None:  # never
             return memory, mode
         fires = shift.fires if due is None else due
         degree = shift.target * fires.unsqueeze(-1)
@@ -187,18 +199,17 @@ class WorkingMemory(DesignModule):
     def store_(self, state: MemoryState, active: Tensor | None = None) -> None:
         """Keep one unbatched state, mu (S, N), as the contents to start from.
 
-        `active` (S,) bool says which slots are in use; all of them if not given. Of levels, those
-        above one half. Raises `ShapeError` for a batch, `ConfigError` where no slot is active,
-        `KindError`.
+        `active` (S,) bool says which slots are in use, all if not given; of levels those above one
+        half. Raises `ShapeError` for a batch, `ConfigError` where no slot is active, `KindError`.
         """
         instance("state", state, MemoryState)
         active = None if active is None else instance("active", active, Tensor) > 0.5
         if state.mu.shape != self.initial_mu.shape or state.keys.shape != self.initial_keys.shape:
-            raise ShapeError(
-                f"store_ takes one memory, mu {tuple(self.initial_mu.shape)} and keys "
-                f"{tuple(self.initial_keys.shape)}; got {tuple(state.mu.shape)} and "
-                f"{tuple(state.keys.shape)}: choose one sample of the batch"
+            mine, given = (
+                f"mu {tuple(mu.shape)} and keys {tuple(keys.shape)}"
+                for mu, keys in ((self.initial_mu, self.initial_keys), state)
             )
+            raise ShapeError(f"store_ takes one memory, {mine}; got {given}: choose one sample")
         if active is not None and not bool(active.any()):
             raise ConfigError("store_: no slot is active; at least one must be in use")
         self.initial_mu.copy_(state.mu.detach())
@@ -214,8 +225,7 @@ class WorkingMemory(DesignModule):
         if mode.held is not None:
             return mode.held
         comparison = self.key_rule.query_keys(hidden, context, memory, self.write_gain)
-        weights: Tensor = self.attention(comparison, mode.active)
-        return weights
+        return cast(Tensor, self.attention(comparison, mode.active))
 
     def _check(
         self,
@@ -224,18 +234,18 @@ class WorkingMemory(DesignModule):
         *held: tuple[MemoryState, MemoryMode],
         corrections: tuple[Tensor, ...] = (),
     ) -> None:
-        S, N, double = self.n_slots, self.n_hidden, torch.float64
+        S, N, dtype = self.n_slots, self.n_hidden, self.initial_mu.dtype
         wide = (self.context_width or instance("context", context, Tensor).shape[-1],)
-        rows: list[Row] = [("features", hidden, (N,), double), ("context", context, wide, double)]
+        rows: list[Row] = [("features", hidden, (N,), dtype), ("context", context, wide, dtype)]
         for memory, mode in held:
-            instance("memory", memory, MemoryState)
-            instance("mode", mode, MemoryMode)
-            width = self.initial_keys.shape[-1]
-            rows.append(("mu", memory.mu, (S, N), double))
-            rows.append(("keys", memory.keys, (S, width), double))
-            kind = double if self.attention.graded else torch.bool
-            rows.append(("active", mode.active, (S,), kind))
+            instance("memory", memory, MemoryState), instance("mode", mode, MemoryMode)
+            kind = dtype if self.attention.graded else torch.bool
+            rows += [
+                ("mu", memory.mu, (S, N), dtype),
+                ("keys", memory.keys, (S, self.initial_keys.shape[-1]), dtype),
+                ("active", mode.active, (S,), kind),
+            ]
             if mode.held is not None:
-                rows.append(("held weights", mode.held, (S,), double))
-        rows += [("correction", each, (N,), double) for each in corrections]
+                rows.append(("held weights", mode.held, (S,), dtype))
+        rows += [("correction", each, (N,), dtype) for each in corrections]
         check_together(rows)

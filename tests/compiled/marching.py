@@ -17,7 +17,7 @@ from mann_torch.compiled.march.agreement import row_of
 
 #: A function of named tensors of one sample.
 Function = Callable[[dict[str, Tensor]], Tensor]
-KINDS = {torch.float64: "f", torch.int64: "i", torch.bool: "b"}
+KINDS = {torch.float64: "f", torch.float32: "f", torch.int64: "i", torch.bool: "b"}
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,14 @@ class Inputs:
     def sample(self, number: int) -> dict[str, Tensor]:
         """One sample's tensors."""
         return {name: value[number] for name, value in self.all.items()}
+
+    def single(self) -> Inputs:
+        """The same in float32."""
+        found = (
+            {n: v.float() if v.is_floating_point() else v for n, v in part.items()}
+            for part in (self.constants, self.carried)
+        )
+        return Inputs(*found)
 
     def rows(self, samples: Sequence[int]) -> Inputs:
         """Some of the samples."""
@@ -86,7 +94,7 @@ class Together:
         With `weights` (B, F), also the gradients to the floating constants that are used and to
         the floating carry.
         """
-        layout = self.program.layout
+        layout, dtype = self.program.layout, self.program.layout.real.dtype
         names = list(inputs.constants)
         constants = [inputs.constants[names[i]] for i in self.program.used]
         batch = len(next(iter(inputs.all.values())))
@@ -95,7 +103,7 @@ class Together:
         slot = torch.tensor([-1, 0], dtype=torch.int32)
         job = Job(
             program=self.program,
-            clock=torch.zeros(1, 0, dtype=torch.float64),
+            clock=torch.zeros(1, 0, dtype=dtype),
             segment_of=torch.zeros(1, dtype=torch.int32),
             noise=None,
             whole=_rows(constants, False, batch),
@@ -106,14 +114,14 @@ class Together:
             tape_memory=1e9,
             wanted=(self.wanted, ()),
         )
-        rows = _rows(constants, True, batch), _rows(carry, True, batch)
-        segments = torch.zeros(1, batch, 0, dtype=torch.float64)
+        rows = [_rows(x, True, batch).to(dtype) for x in (constants, carry)]
+        segments = torch.zeros(1, batch, 0, dtype=dtype)
         if weights is None:
             marched = march(job, rows[0], segments, rows[1])
             return marched.last_f, marched.last_k
         given = [row.requires_grad_() for row in rows]
         marched = march(job, given[0], segments, given[1])
-        padded = torch.zeros(batch, layout.size("f"), dtype=torch.float64)
+        padded = torch.zeros(batch, layout.size("f"), dtype=dtype)
         padded[:, : weights.shape[1]] = weights
         (marched.state_f[0] * padded).sum().backward()
         return marched.last_f, marched.last_k, *(row.grad for row in given)
@@ -190,19 +198,18 @@ def check_together(
     at = inputs.rows([i % batch for i in range(len(names))])
     floating = [i for i, r in enumerate(together.results) if r.is_floating_point()]
     size = sum(together.results[i].numel() for i in floating)
-    weights = torch.zeros(len(names), size, dtype=torch.float64)
+    dtype = together.program.layout.real.dtype
+    weights = torch.zeros(len(names), size, dtype=dtype)
     generator = torch.Generator().manual_seed(len(names))
     for i in floating:
         offset, count = together.program.layout.carry_places[i][1], together.results[i].numel()
-        weights[i, offset : offset + count] = torch.randn(
-            count, generator=generator, dtype=torch.float64
-        )
+        weights[i, offset : offset + count] = torch.randn(count, generator=generator, dtype=dtype)
     found = together.run(at, weights)
     values, gradients = together.split((found[0], found[1])), together.gradients(found[2:], at)
     worst, wrong = 0.0, []
     for i, name in enumerate(names):
         offset, result = together.program.layout.carry_places[i][1], together.results[i]
-        seed = torch.zeros(result.shape, dtype=torch.float64)
+        seed = torch.zeros(result.shape, dtype=dtype)
         if i in floating:
             seed = weights[i, offset : offset + result.numel()].reshape(result.shape)
         value, expected = eager_gradients(functions[name], at.sample(i), seed)

@@ -136,6 +136,8 @@ def random_graph(seed: int, example: dict[str, Tensor]) -> tuple[str, Function]:
     values: dict[str, Tensor] = {f"s['{n}']": v for n, v in example.items() if n in "abcxyz"}
     while len(lines) < draw.randint(2, 6):
         text = _operation(draw, values)
+        if example["a"].dtype == torch.float32:
+            text = text.replace("torch.float64", "torch.float32").replace(".double()", ".float()")
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of what will not be taken

@@ -1,4 +1,4 @@
-"""The compiler against eager torch: random graphs and their gradients, 1e-12."""
+"""The compiler against eager torch: random graphs and their gradients, 1e-12; float32: 3e-5."""
 
 from __future__ import annotations
 
@@ -20,6 +20,17 @@ def test_random_graphs_and_their_gradients(number: int) -> None:
     graphs = dict(random_graph(GRAPHS * number + i, given.sample(i)) for i in range(GRAPHS))
     assert len(graphs) >= GRAPHS - 3  # now and then two are alike
     worst = check_together(graphs, given)
+    print(f"{len(graphs)} graphs: largest difference {worst:.1e}")
+
+
+@pytest.mark.parametrize(
+    ("number", "count"),
+    [(100, 12), *(pytest.param(n, GRAPHS, marks=pytest.mark.slow) for n in range(101, 107))],
+)
+def test_random_graphs_in_float32(number: int, count: int) -> None:
+    given = inputs(count, seed=number).single()
+    graphs = dict(random_graph(GRAPHS * number + i, given.sample(i)) for i in range(count))
+    worst = check_together(graphs, given, 3e-5)
     print(f"{len(graphs)} graphs: largest difference {worst:.1e}")
 
 

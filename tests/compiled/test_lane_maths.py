@@ -357,7 +357,7 @@ def test_the_text() -> None:
     with pytest.raises(ValueError, match="lanes must be one of"):
         lane_library(3)
     with pytest.raises(ValueError, match="lanes must be one of"):
-        lane_types(16)
+        lane_types(32)
     text = lane_library(8, "QUALIFIER")
     assert not re.search(r"@|^(fn|slow) ", text, flags=re.MULTILINE)
     assert text.count("static inline") == text.count("QUALIFIER static inline")

@@ -149,14 +149,14 @@ def test_beyond_its_memory_the_engine_refuses_by_name(monkeypatch: pytest.Monkey
 
 
 def test_memory_that_cannot_be_had_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = engine.Marcher._empty
+    lent = engine.Marcher._lent
 
-    def empty(self: engine.Marcher, *shape: int) -> Tensor:
+    def none(self: engine.Marcher, *shape: int, whole: bool = False) -> Tensor:
         if len(shape) == 1:
             raise RuntimeError("DefaultCPUAllocator: can't allocate memory")
-        return whole(self, *shape)
+        return lent(self, *shape, whole=whole)
 
-    monkeypatch.setattr(engine.Marcher, "_empty", empty)
+    monkeypatch.setattr(engine.Marcher, "_lent", none)
     refused(mt.rollout(make_loop("nn"), make_scenario(0.02)), "working memory cannot be had")
 
 

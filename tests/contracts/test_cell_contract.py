@@ -13,21 +13,43 @@ import mann_torch as mt
 from mann_torch.memory import KEY_RULES
 from mann_torch.trees import map_tensors
 from tests.conftest import make_attention, randn
-from tests.contracts.test_memory_contract import ATTENTION_NAMES, pairs
+from tests.contracts.test_memory_contract import ATTENTION_NAMES
 
 B, S, N, WIDTH = 6, 4, 7, 3
 #: Graphs that differ most; `make check` compiles them all.
 QUICK = {
     ("soft", "representation"),
     ("reallocating_always", "state"),
+    ("soft", "state/default"),
 }
+
+
+#: Options by name, as they stand after a key rule: "state/default".
+OPTIONS: dict[str, dict[str, object]] = {
+    "": {"inertia": False, "directions": False, "writing": "attended", "write_gain": 0.75},
+    "default": {},
+    "inertia": {"inertia": True, "clock": False, "writing": "attended", "directions": False},
+    "clock": {"inertia": False, "clock": True, "writing": "attended", "directions": False},
+    "next": {"inertia": False, "clock": False, "writing": "next", "directions": False},
+    "directions": {"inertia": False, "clock": False, "writing": "attended"},
+}
+#: Every attention with every key rule under the paper's law with a clock, and every option.
+CELLS = [(a, r) for a in ATTENTION_NAMES for r in KEY_RULES]
+CELLS += [(a, "state/default") for a in ("soft", "hard", "reallocating_always", "relaxed_hard")]
+CELLS += [("soft", "representation/default"), *(("soft", f"state/{o}") for o in list(OPTIONS)[2:])]
+cells = pytest.mark.parametrize(("attention", "rule"), CELLS)
 
 
 def make_cell(attention: str, rule: str, seed: int = 0) -> mt.MemoryCell:
     torch.manual_seed(seed)
-    kind = make_attention(attention)
-    options = {"context_size": 2, "output_size": 2, "clock": True}
-    return mt.MemoryCell(WIDTH, N, S, kind, KEY_RULES[rule](), **options)
+    name, _, chosen = rule.partition("/")
+    options = {"context_size": 2, "output_size": 2, "clock": True, **OPTIONS[chosen]}
+    return mt.MemoryCell(WIDTH, N, S, make_attention(attention), KEY_RULES[name](), **options)
+
+
+def flows(cell: mt.MemoryCell) -> bool:
+    """Whether the cell is a term of an ODE too."""
+    return cell.inertia is None and cell.writing == "attended"
 
 
 def stream(*batch: int, steps: int = 4, dtype: torch.dtype = torch.float32) -> Tensor:
@@ -35,17 +57,18 @@ def stream(*batch: int, steps: int = 4, dtype: torch.dtype = torch.float32) -> T
 
 
 def run(cell: mt.MemoryCell, x: Tensor) -> tuple[Tensor, mt.CellState]:
-    return mt.MemorySequence(cell)(x)
+    return mt.MemorySequence(cell, engine="torch")(x)
 
 
 def somewhere(cell: mt.MemoryCell) -> mt.CellState:
     """A state in use: contents apart, every slot active."""
     state = cell.initial_state((B,))
-    mu, keys = state.mu + 0.3 * randn(*state.mu.shape), state.keys + randn(*state.keys.shape)
+    mu = state.mu + (0.3 * randn(*state.mu.shape)).to(cell.dtype)
+    keys = state.keys + randn(*state.keys.shape).to(cell.dtype)
     return state._replace(mu=mu, keys=keys, active=torch.ones_like(state.active))
 
 
-@pairs
+@cells
 def test_batch_equals_single_calls(attention: str, rule: str) -> None:
     cell = make_cell(attention, rule).double()
     x = stream(B, dtype=torch.float64)
@@ -57,11 +80,13 @@ def test_batch_equals_single_calls(attention: str, rule: str) -> None:
             torch.testing.assert_close(mine, theirs[i], rtol=0, atol=1e-12)
 
 
-@pairs
+@cells
 def test_slot_permutation_permutes_the_state_and_not_the_output(attention: str, rule: str) -> None:
     cell = make_cell(attention, rule).double()
     state, x, order = somewhere(cell), stream(B, dtype=torch.float64)[0], torch.tensor([2, 0, 3, 1])
     shuffled = state._replace(mu=state.mu[:, order], keys=state.keys[:, order])
+    if cell.writing == "next":
+        shuffled = shuffled._replace(next=order.argsort()[state.next])
     (output, after), (other, after_other) = cell(x, state), cell(x, shuffled)
     torch.testing.assert_close(other, output, rtol=0, atol=1e-13)
     torch.testing.assert_close(after_other.mu, after.mu[:, order], rtol=0, atol=1e-13)
@@ -70,12 +95,17 @@ def test_slot_permutation_permutes_the_state_and_not_the_output(attention: str, 
 
 def parameters_with_a_path(cell: mt.MemoryCell) -> set[str]:
     """Contents always have one; keys, T and theta only where weights answer smoothly."""
-    layers = {f"{layer}.{leaf}" for layer in ("features.0", "output", "clock") for leaf in BOTH}
-    found = layers | {"slots", "dt", "memory.write_gain"}
+    names = ["features" if cell.inertia is not None else "features.0", "output"]
+    names += ["clock"] if cell.clock is not None else []
+    found = {f"{layer}.{leaf}" for layer in names for leaf in BOTH}
+    found |= {"slots", "dt", "memory.write_gain"}
+    if cell.inertia is not None:
+        found |= {f"inertia.{name}" for name, _ in cell.inertia.named_parameters()}
+        found |= {"mix.weight"} | ({"clock_feedback.weight"} if cell.clock is not None else set())
     if cell.memory.attention.switches:
         return found
     if cell.slot_keys.numel():
-        found |= {"slot_keys", "context.weight", "context.bias"}
+        found |= {"slot_keys"} | {f"context.{name}" for name, _ in cell.context.named_parameters()}
         found |= {f"memory.key_rule.{name}" for name in cell.memory.key_rule.constants()}
     return found | {f"memory.attention.{name}" for name in cell.memory.attention.constants()}
 
@@ -83,7 +113,7 @@ def parameters_with_a_path(cell: mt.MemoryCell) -> set[str]:
 BOTH = ("weight", "bias")
 
 
-@pairs
+@cells
 def test_gradients_reach_exactly_the_parameters_with_a_path(attention: str, rule: str) -> None:
     cell = make_cell(attention, rule)
     if "temperature" in cell.constants():
@@ -99,7 +129,18 @@ def test_gradients_reach_exactly_the_parameters_with_a_path(attention: str, rule
     assert reached == parameters_with_a_path(cell)
 
 
-@pairs
+@cells
+def test_the_ode_form_is_there_or_refused_by_name(attention: str, rule: str) -> None:
+    cell, x = make_cell(attention, rule), stream(B)[0]
+    for ask in (cell.flow, cell.jump, cell.d_memory):
+        if flows(cell):
+            ask(x, cell.initial_state(B))
+        else:
+            with pytest.raises(mt.ConfigError, match=r"MemoryCell\.paper"):
+                ask(x, cell.initial_state(B))
+
+
+@cells
 def test_state_dict_round_trip(attention: str, rule: str) -> None:
     cell, twin, x = make_cell(attention, rule), make_cell(attention, rule, seed=1), stream(B)
     cell.initialize(dt=0.3)
@@ -115,11 +156,7 @@ def test_state_dict_round_trip(attention: str, rule: str) -> None:
 
 @pytest.mark.parametrize(
     ("attention", "rule"),
-    [
-        (a, r) if (a, r) in QUICK else pytest.param(a, r, marks=pytest.mark.slow)
-        for a in ATTENTION_NAMES
-        for r in KEY_RULES
-    ],
+    [pair if pair in QUICK else pytest.param(*pair, marks=pytest.mark.slow) for pair in CELLS],
 )
 def test_one_step_compiles_with_parity(attention: str, rule: str) -> None:
     cell, x = make_cell(attention, rule), stream(B)
@@ -133,13 +170,13 @@ def test_one_step_compiles_with_parity(attention: str, rule: str) -> None:
         torch.testing.assert_close(their, mine, rtol=0, atol=1e-12)
 
 
-@pairs
+@cells
 def test_one_step_exports_for_any_batch_saves_and_loads_with_parity(
     attention: str, rule: str
 ) -> None:
     cell, batch = make_cell(attention, rule), {0: torch.export.Dim("batch")}
     arguments = (stream(B)[0], cell.initial_state(B))
-    shapes = (batch, mt.CellState(*[batch] * 6))
+    shapes = (batch, mt.CellState(*[batch] * len(mt.CellState._fields)))
     file = io.BytesIO()
     torch.export.save(torch.export.export(cell, arguments, dynamic_shapes=shapes), file)
     file.seek(0)
@@ -152,18 +189,19 @@ def test_one_step_exports_for_any_batch_saves_and_loads_with_parity(
         torch.testing.assert_close(their, mine, rtol=0, atol=1e-12)
 
 
-@pairs
+@cells
 def test_a_step_keeps_nothing_in_the_module(attention: str, rule: str) -> None:
     cell = make_cell(attention, rule)
     before = [{name: id(value) for name, value in vars(m).items()} for m in cell.modules()]
     values = {name: tensor.clone() for name, tensor in cell.state_dict().items()}
     state = run(cell, stream(B))[1]
-    cell.jump(stream(B)[0], state)
+    if flows(cell):
+        cell.jump(stream(B)[0], state)
     assert before == [{name: id(v) for name, v in vars(m).items()} for m in cell.modules()]
     assert all(torch.equal(tensor, values[name]) for name, tensor in cell.state_dict().items())
 
 
-@pairs
+@cells
 def test_a_state_is_detached_saved_and_loaded_whole(attention: str, rule: str) -> None:
     cell, x = make_cell(attention, rule), stream(B)
     state = run(cell, x)[1]
@@ -177,7 +215,7 @@ def test_a_state_is_detached_saved_and_loaded_whole(attention: str, rule: str) -
     assert torch.equal(cell(x[0], again)[0], cell(x[0], state)[0])
 
 
-@pairs
+@cells
 def test_gradients_over_a_long_sequence_are_finite(attention: str, rule: str) -> None:
     cell = make_cell(attention, rule)
     cell.tune(*cell.constants())
@@ -187,9 +225,11 @@ def test_gradients_over_a_long_sequence_are_finite(attention: str, rule: str) ->
         assert parameter.grad is None or bool(torch.isfinite(parameter.grad).all()), name
 
 
-@pairs
+@cells
 def test_vmap_over_parameters_equals_a_loop(attention: str, rule: str) -> None:
-    sequences = [mt.MemorySequence(make_cell(attention, rule, seed)) for seed in range(3)]
+    sequences = [
+        mt.MemorySequence(make_cell(attention, rule, seed), engine="torch") for seed in range(3)
+    ]
     x = stream(B)
     parameters, buffers = stack_module_state(sequences)
 

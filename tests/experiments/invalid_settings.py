@@ -11,7 +11,7 @@ from omegaconf import DictConfig, ListConfig, OmegaConf
 from experiments.command.cli import compose_job
 
 COMMANDS = (
-    *("simulate", "ensemble", "reproduce", "tune", "gradient_report", "recall"),
+    *("simulate", "ensemble", "reproduce", "tune", "gradient_report", "peers"),
     *("online_regression", "tune_problems", "returning"),
 )
 #: How often each is asked: the quick ones more.
@@ -34,13 +34,13 @@ _SIZES = (
     "rollouts",
     "chunk",
     "batch",
-    "test_sequences",
     "n_slots",
     "n_hidden",
     "hidden_size",
-    "n_keys",
     "iterations",
     "visits",
+    *("tested", "evaluated", "recall.batch", "recall.n_keys", "copy.iterations", "copy.length"),
+    *("gap.longest", "returning.steps"),
 )
 #: Commands of one scenario of one loop, and other loops than the default one.
 OF_LOOPS = ("simulate", "ensemble", "gradient_report")
@@ -189,11 +189,18 @@ TOGETHER = {
         ("steps=[3]",),
         ("draws=1",),
     ),
-    "recall": (
-        ("n_pairs=9", "n_keys=8"),
-        ("variants=[soft,soft]",),
+    "peers": (
+        ("recall.n_pairs=9", "recall.n_keys=8"),
+        ("variants=[lstm,lstm]",),
         ("variants=[foo]",),
-        ("batch=1000000", "n_slots=1000", "hidden_size=1000"),
+        ("tasks=[foo]",),
+        ("tasks=[]",),
+        ("gap.shortest=101", "gap.longest=100"),
+        ("returning.steps=30", "returning.longest=14"),
+        ("returning.window=6", "returning.shortest=6"),
+        ("+rates.foo=1",),
+        ("rates.lstm=nan",),
+        ("recall.batch=1000000", "n_slots=1000", "hidden_size=1000"),
     ),
     "online_regression": (
         ("rates=[]",),

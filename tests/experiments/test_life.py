@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
-from experiments import recall, reproduce, simulate
+from experiments import peers, reproduce, simulate
 from experiments.runs.life import claimed, finish
 from mann_torch.errors import ConfigError
 from tests.experiments.command import exit_code
@@ -39,9 +39,9 @@ OTHERS = {
         *("gradient_report", "horizon=0.1", "draws=2", "names=[error_gain]", "steps=[0.1]"),
         *("temperatures=[]", "horizons=[]"),
     ],
-    "recall": [
-        *("recall", "variants=[soft,lstm]", "iterations=200", "seeds=2", "test_sequences=20"),
-        "workers=1",
+    "peers": [
+        *("peers", "tasks=[recall]", "variants=[memory,lstm]", "recall.iterations=100", "seeds=2"),
+        *("tested=20", "workers=1"),
     ],
     "online_regression": [
         *("online_regression", "variants=[network,soft]", "rates=[1]", "visits=2", "seeds=2"),
@@ -153,27 +153,30 @@ def test_finished_variants_are_not_computed_again(
 def test_finished_trainings_are_not_done_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ["variants=[soft,lstm]", "iterations=100", "test_sequences=20", "seeds=2"]
+    arguments = ["tasks=[recall]", "variants=[memory,lstm]", "recall.iterations=40", "seeds=2"]
     arguments += [
+        "tested=20",
         "workers=1",
         "output.figures=false",
         "output.tensorboard=false",
         f"run_dir={tmp_path / 'run'}",
     ]
-    assert exit_code(monkeypatch, recall.main, *arguments) == 0
+    assert exit_code(monkeypatch, peers.main, *arguments) == 0
     before = dict(np.load(tmp_path / "run" / "arrays.npz"))
     (tmp_path / "run" / "metrics.json").unlink()
-    (tmp_path / "run" / "finished" / "lstm_1.npz").unlink()
+    (tmp_path / "run" / "finished" / "recall_lstm_1.npz").unlink()
     capsys.readouterr()
-    assert exit_code(monkeypatch, recall.main, *arguments) == 0
+    assert exit_code(monkeypatch, peers.main, *arguments) == 0
     assert "3 of 4 parts were finished before" in capsys.readouterr().out
     after = dict(np.load(tmp_path / "run" / "arrays.npz"))
     assert before.keys() == after.keys()
-    assert all(np.array_equal(before[k], after[k]) for k in before if "wall_s" not in k)
+    assert all(np.array_equal(before[k], after[k]) for k in before if "seconds" not in k)
 
 
 #: What no two runs have alike: time and memory.
-MEASURED = ("wall_s", "tuning_s", "peak_mb")
+MEASURED = ("wall_s", "tuning_s", "peak_mb", "seconds", "start_s")
+#: The same, of a table's rows.
+TIMES = ("training [s]", "start [s]", "training_s", "best_s")
 
 
 def numbers_in(folder: Path) -> dict[str, Any]:
@@ -181,7 +184,7 @@ def numbers_in(folder: Path) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for path in sorted(folder.rglob("*.npz")):
         for name, array in np.load(path).items():
-            if name in MEASURED:
+            if name.rpartition("/")[2] in MEASURED:
                 continue
             key = f"{path.relative_to(folder)}/{name}"
             found[key] = (array.dtype.str, array.shape, array.tobytes())
@@ -190,7 +193,8 @@ def numbers_in(folder: Path) -> dict[str, Any]:
         for name in (*MEASURED, "command"):
             record.pop(name, None)
         for row in record.get("table", []):
-            row.pop("training [s]", None)
+            for name in [name for name in row if name.startswith(TIMES)]:
+                row.pop(name)
         for row in record.get("history", []):
             row.pop("seconds", None)
         found[str(path.relative_to(folder))] = record

@@ -18,7 +18,10 @@ SHORT = {
     "reproduce": ["experiment=[table_4]", "horizon=0.1", "draws=2", "workers=1"],
     "tune": [*STUDY, "train.draws=[0,1]", "schedule.iterations=1", "judge=false", "grid=null"],
     "gradient_report": [*STUDY, "draws=2", "temperatures=[]", "horizons=[]", "steps=[0.1]"],
-    "recall": ["variants=[soft]", "iterations=50", "test_sequences=8", "seeds=2", "workers=1"],
+    "peers": [
+        *("tasks=[recall]", "variants=[memory]", "recall.iterations=3", "tested=8", "seeds=2"),
+        "workers=1",
+    ],
     "online_regression": [
         *("variants=[network]", "rates=[1]", "visits=2", "n_functions=2", "seeds=2", "workers=1"),
         *("visit_length=2", "dt=0.05", "window=0.5"),

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from omegaconf import OmegaConf
 
-from experiments import collect, recall, simulate
+from experiments import collect, peers, simulate
 from experiments.runs.intervals import Interval
 from experiments.sweeps import launchers
 from experiments.sweeps.gather import Run, differing
@@ -153,16 +153,17 @@ def test_what_cannot_be_collected_is_refused_in_one_line(
     assert not list(folder.rglob("sweep.*"))
 
 
-def test_a_sweep_of_recall_has_each_variants_accuracy(
+def test_a_sweep_of_peers_has_each_variants_score_in_each_task(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    small = ["variants=[soft,lstm]", "seeds=2", "iterations=50", "batch=4", "test_sequences=20"]
-    small += ["workers=1", "output.figures=false", "output.tensorboard=false", f"run_dir={folder}"]
-    assert exit_code(monkeypatch, recall.main, "-m", "n_pairs=2,3", *small) == 0
+    small = ["tasks=[recall]", "variants=[memory,lstm]", "seeds=2", "recall.iterations=3"]
+    small += ["recall.batch=4", "tested=20", "workers=1"]
+    small += ["output.figures=false", "output.tensorboard=false", f"run_dir={folder}"]
+    assert exit_code(monkeypatch, peers.main, "-m", "recall.n_pairs=2,3", *small) == 0
     rows = table(folder)
-    assert [row["n_pairs"] for row in rows] == ["2", "3"]
-    assert all(0 <= float(row["accuracy_soft"]) <= 1 for row in rows)
-    assert all(float(row["accuracy_lstm_half"]) >= 0 for row in rows)
+    assert [row["recall.n_pairs"] for row in rows] == ["2", "3"]
+    assert all(0 <= float(row["score_recall_memory"]) <= 1 for row in rows)
+    assert all(float(row["score_recall_lstm_half"]) >= 0 for row in rows)
 
 
 @pytest.mark.parametrize("launcher", ["joblib", "submitit_local", "ray"])

@@ -69,8 +69,9 @@ def alive(pid: int) -> bool:
 def test_stopped_in_the_middle_it_leaves_no_process_and_what_is_finished(
     tmp_path: Path, stop: signal.Signals
 ) -> None:
-    command = [sys.executable, "-m", "experiments.recall", "variants=[lstm,lstm_long]", "seeds=1"]
-    command += ["iterations=50", "longer=1000", "batch=2", f"run_dir={tmp_path / 'run'}"]
+    command = [sys.executable, "-m", "experiments.peers", "tasks=[recall]", "variants=[lstm,gru]"]
+    command += ["seeds=1", "recall.iterations=50", "shares={lstm:1,gru:1000}", "recall.batch=2"]
+    command += [f"run_dir={tmp_path / 'run'}"]
     run = subprocess.Popen(
         command,
         cwd=ROOT,
@@ -79,7 +80,7 @@ def test_stopped_in_the_middle_it_leaves_no_process_and_what_is_finished(
         # A shell starts background jobs with SIGINT ignored, and that is inherited.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
-    first = tmp_path / "run" / "finished" / "lstm_0.npz"
+    first = tmp_path / "run" / "finished" / "recall_lstm_0.npz"
     for _ in range(600):
         if first.exists() or run.poll() is not None:
             break

@@ -12,4 +12,4 @@ WIDTH, N, S = 3, 6, 4
 
 def make_cell(name: str = "soft", **options: object) -> mt.MemoryCell:
     torch.manual_seed(0)
-    return mt.MemoryCell(WIDTH, N, S, make_attention(name), dtype=torch.float64, **options)
+    return mt.MemoryCell.paper(WIDTH, N, S, make_attention(name), dtype=torch.float64, **options)

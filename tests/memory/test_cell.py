@@ -133,7 +133,7 @@ def test_output_clock_and_step_length_are_what_the_docstring_says() -> None:
     seen = cell.attend(x, start)
     expected = cell.output.weight @ (cell.features(x) + seen.read) + cell.output.bias
     torch.testing.assert_close(cell(x, start)[0], expected, rtol=0, atol=1e-14)
-    pace = 2 / (1 + torch.exp(-(cell.clock.weight[0] @ x + cell.clock.bias[0])))
+    pace = torch.log(1 + torch.exp(cell.clock.weight[0] @ x + cell.clock.bias[0]))
     for given, length in ((None, 0.3), (0.7, 0.7), (torch.tensor(0.7, dtype=torch.float64), 0.7)):
         after = cell(x, start, dt=given)[1]
         share = 1 - torch.exp(-seen.weights * pace * length)

@@ -11,7 +11,7 @@ from tests.conftest import randn
 from tests.memory.cells import WIDTH, N, S, make_cell
 
 
-def test_dtype_is_that_of_what_goes_in_and_out_and_the_inside_stays_float64() -> None:
+def test_dtype_is_that_of_parameters_state_and_arithmetic() -> None:
     torch.manual_seed(0)
     sequence = mt.MemorySequence(mt.MemoryCell(WIDTH, N))
     model = nn.Sequential(nn.Linear(WIDTH, WIDTH), sequence, Last())
@@ -27,7 +27,8 @@ def test_dtype_is_that_of_what_goes_in_and_out_and_the_inside_stays_float64() ->
     ):
         ask()
         assert model(x.to(dtype)).dtype == dtype == cell.dtype
-        assert {p.dtype for p in cell.parameters()} == {torch.float64}
+        assert {p.dtype for p in (*cell.parameters(), cell.memory.initial_mu)} == {dtype}
+        assert cell.initial_state().mu.dtype == dtype
     assert torch.allclose(model(x.bfloat16()).float(), rounded, atol=0.05)
     with pytest.raises(mt.DtypeError, match="floating"):
         mt.MemoryCell(WIDTH, N, dtype=torch.int64)

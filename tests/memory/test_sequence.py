@@ -12,7 +12,7 @@ from tests.memory.cells import WIDTH, N, S, make_cell
 
 
 def test_it_is_called_as_an_lstm_is() -> None:
-    cell, lstm = mt.MemoryCell(10, 20), nn.LSTM(10, 20, batch_first=True)
+    cell, lstm = mt.MemoryCell(10, 20, 5), nn.LSTM(10, 20, batch_first=True)
     x = torch.randn(4, 7, 10)
     outputs, state = mt.MemorySequence(cell, batch_first=True)(x)
     assert outputs.shape == lstm(x)[0].shape and outputs.dtype == x.dtype
@@ -41,7 +41,10 @@ def test_gradients_over_a_long_sequence_are_finite_and_detach_cuts_them() -> Non
 
 
 def test_trace_logs_what_a_member_did() -> None:
-    sequence, x = mt.MemorySequence(make_cell("reallocating_always")), 4 * randn(60, 3, WIDTH)
+    sequence, x = (
+        mt.MemorySequence(make_cell("reallocating_always"), engine="torch"),
+        4 * randn(60, 3, WIDTH),
+    )
     trace = sequence.trace(x)
     outputs, state = sequence(x)
     assert torch.equal(trace.read, outputs.detach()) and torch.equal(trace.mu[-1], state.mu)
@@ -70,7 +73,7 @@ def test_the_log_names_the_slot_that_was_reset_where_another_is_attended() -> No
 
 
 def test_a_sequence_takes_a_step_length_for_each_sample() -> None:
-    sequence, x = mt.MemorySequence(make_cell(), batch_first=True), randn(3, 5, WIDTH)
+    sequence, x = mt.MemorySequence(make_cell(), True, "torch"), randn(3, 5, WIDTH)
     dt = torch.rand(3, 5, dtype=torch.float64)
     dt[0, 2:] = 0.0  # a shorter sequence in the batch
     outputs, state = sequence(x, dt=dt)
@@ -85,15 +88,18 @@ def test_a_sequence_takes_a_step_length_for_each_sample() -> None:
 
 @pytest.mark.parametrize("name", ["hard", "reallocating_initial"])
 def test_a_trace_starts_where_it_is_told_and_records_every_count(name: str) -> None:
-    sequence = mt.MemorySequence(make_cell(name, key_rule=mt.StateKeys(0.3)), batch_first=True)
+    sequence = mt.MemorySequence(make_cell(name, key_rule=mt.StateKeys(0.3)), True, "torch")
     x = 4 * randn(2, 40, WIDTH)
     _, state = sequence(x[:, :1])
     trace = sequence.trace(x[:, 1:], state.detach())
     later = state
     for step in range(39):
         _, later = sequence.cell(x[:, 1 + step], later)
-        for leaf in ("mu", "keys", "active", "attended", "switches", "reallocations"):
+        for leaf in ("active", "attended", "switches", "reallocations"):
             assert torch.equal(getattr(trace, leaf)[step], getattr(later, leaf)), leaf
+        for leaf in ("mu", "keys"):  # features of all steps at once: sums in another order
+            mine, theirs = getattr(trace, leaf)[step], getattr(later, leaf).detach()
+            torch.testing.assert_close(mine, theirs, rtol=0, atol=1e-14)
     assert bool((trace.switches[-1] > trace.switches[0]).all())
     assert sequence.trace(x[:, 1:]).mu.shape == (39, 2, S, N)
 

@@ -12,10 +12,11 @@ from mann_torch.testing import check_attention
 from tests.conftest import randn
 from tests.public_calls.things import LOOP, Call
 
-CELL = mt.MemoryCell(3, 6, 4, mt.ReallocatingAttention("always"), dtype=torch.float64)
+CELL = mt.MemoryCell.paper(3, 6, 4, mt.ReallocatingAttention("always"), dtype=torch.float64)
 STATE, X = CELL.initial_state((2,)), randn(2, 3)
 SEEN = CELL.attend(X, STATE)
-SEQUENCE = mt.MemorySequence(CELL)
+SEQUENCE = mt.MemorySequence(CELL, engine="torch")
+STREAM = mt.MemoryStream(CELL, (2,))
 TRACE = SEQUENCE.trace(randn(5, 2, 3))
 MEMORY, HIDDEN = CELL.memory, randn(2, 6)
 
@@ -72,14 +73,32 @@ CALLS: dict[str, Call] = {
             "key_rule": mt.StateKeys(),
             "context_size": 2,
             "output_size": 2,
+            "directions": True,
             "features": torch.nn.Linear(3, 6),
+            "inertia": True,
             "clock": True,
+            "writing": "next",
             "dt": 1.0,
             "write_gain": 0.5,
             "reset": "raw",
             "dtype": torch.float32,
         },
     ),
+    "MemoryCell.paper": (
+        mt.MemoryCell.paper,
+        {
+            "input_size": 3,
+            "hidden_size": 6,
+            "n_slots": 4,
+            "attention": mt.SoftAttention(),
+            "key_rule": mt.StateKeys(),
+        },
+    ),
+    "MemoryCell.look": (CELL.look, {"x": X, "dt": torch.ones(2, dtype=torch.float64)}),
+    "MemoryCell.check_state": (CELL.check_state, {"state": STATE}),
+    "MemoryStream": (mt.MemoryStream, {"cell": CELL, "batch_shape": (2,)}),
+    "MemoryStream.packed": (STREAM.packed, {"state": STATE}),
+    "MemoryStream.unpacked": (STREAM.unpacked, {"state": STREAM.initial_state()}),
     "MemoryCell.initial_state": (CELL.initial_state, {"batch_shape": (2,)}),
     "MemoryCell.initial_state_at": (CELL.initial_state_at, {"x": X}),
     "MemoryCell.forward": (
@@ -91,10 +110,20 @@ CALLS: dict[str, Call] = {
     "MemoryCell.output_of": (CELL.output_of, {"seen": SEEN}),
     "MemoryCell.flow": (CELL.flow, {"x": X, "state": STATE, "correction": HIDDEN}),
     "MemoryCell.jump": (CELL.jump, {"x": X, "state": STATE}),
-    "MemorySequence": (mt.MemorySequence, {"cell": CELL, "batch_first": True}),
+    "MemorySequence": (
+        mt.MemorySequence,
+        {"cell": CELL, "batch_first": True, "engine": "auto"},
+    ),
+    "MemorySequence.taken": (SEQUENCE.taken, {"x": randn(5, 2, 3)}),
     "MemorySequence.forward": (
         SEQUENCE.forward,
-        {"x": randn(5, 2, 3), "state": STATE, "dt": torch.ones(5, 2)},
+        {
+            "x": randn(5, 2, 3),
+            "state": STATE,
+            "dt": torch.ones(5, 2),
+            "reset": torch.zeros(5, 2, dtype=torch.bool),
+            "valid": torch.ones(5, 2, dtype=torch.bool),
+        },
     ),
     "MemorySequence.trace": (
         SEQUENCE.trace,

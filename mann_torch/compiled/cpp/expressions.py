@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from ..graph.nodes import Node
+from ..real import DOUBLE, Real
 
 _SAME = "exp exp2 expm1 log log2 log10 log1p sin cos tan asin acos atan atan2 sinh cosh tanh asinh"
 _SAME += " acosh atanh sigmoid erf erfc pow sign floor ceil trunc round fmod remainder max min"
@@ -58,7 +59,7 @@ def text_of(node: Node) -> str:
     return TEXT[node.op]
 
 
-def literal(kind: str, text: str) -> str:
+def literal(kind: str, text: str, real: Real = DOUBLE) -> str:
     """A number, the same in every lane; `text` is its repr."""
     if kind == "f":
         value = float(text)
@@ -66,22 +67,24 @@ def literal(kind: str, text: str) -> str:
             return "nan_()"
         if math.isinf(value):
             return "inf_()" if value > 0 else "(-inf_())"
-        return f"splat({double(text)})"
+        return f"splat({number(text, real)})"
     if kind == "b":
         return f"isplat({-1 if text == 'True' else 0})"
     return f"isplat({text}ll)"
 
 
-def double(text: str) -> str:
-    """A float64 in C++, exactly; what is not finite, by a division NVRTC knows too."""
-    value = float(text)
+def number(text: str, real: Real) -> str:
+    """A floating number in C++, exactly; what is not finite, by a division NVRTC knows too."""
+    value, f = float(text), real.suffix
     if math.isnan(value):
-        return "(0.0 / 0.0)"
+        return f"(0.0{f} / 0.0{f})"
     if math.isinf(value):
-        return "(1.0 / 0.0)" if value > 0 else "(-1.0 / 0.0)"
-    return value.hex() if value else ("-0.0" if math.copysign(1.0, value) < 0 else "0.0")
+        return f"(1.0{f} / 0.0{f})" if value > 0 else f"(-1.0{f} / 0.0{f})"
+    if not value:
+        return f"{'-' if math.copysign(1.0, value) < 0 else ''}0.0{f}"
+    return value.hex() + f
 
 
 def type_of(kind: str) -> str:
-    """V for float64, M for integers and masks."""
+    """V for floating numbers, M for integers and masks."""
     return "V" if kind == "f" else "M"

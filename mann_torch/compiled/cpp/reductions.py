@@ -25,8 +25,8 @@ _REDUCE = {
     ("prod", "i"): ("isplat(1)", "({0} * {1})"),
     ("amax", "f"): ("(-inf_())", "max_({0}, {1})"),
     ("amin", "f"): ("inf_()", "min_({0}, {1})"),
-    ("amax", "i"): (f"isplat({-(2**63) + 1}ll)", "imax({0}, {1})"),
-    ("amin", "i"): (f"isplat({2**63 - 1}ll)", "imin({0}, {1})"),
+    ("amax", "i"): ("isplat(-MOSTll)", "imax({0}, {1})"),
+    ("amin", "i"): ("isplat(MOSTll)", "imin({0}, {1})"),
     ("amax", "b"): ("isplat(0)", "({0} | {1})"),
     ("amin", "b"): ("isplat(-1)", "({0} & {1})"),
     ("any", "b"): ("isplat(0)", "({0} | {1})"),
@@ -51,6 +51,7 @@ def write_reduction(
         _arg_reduction(w, node, name, variables, inner[0], counts[0], found)
         return
     start, step = _REDUCE[node.op, node.kind if node.kind != "b" else "b"]
+    start = start.replace("MOST", str(2 ** (8 * w.real.bytes - 1) - 1))
     long = node.op == "sum" and node.kind == "f" and math.prod(counts) >= _LONG
     if long and node.size <= _FEW and max(counts) >= 4:
         _long_sum(w, node, name, variables, inner, counts, found)

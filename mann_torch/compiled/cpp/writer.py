@@ -6,18 +6,26 @@ from collections.abc import Sequence
 
 from ..graph.arithmetic import POINTWISE
 from ..graph.nodes import IndexMap, Node, Shape
-from .expressions import double, literal, text_of, type_of
+from ..real import DOUBLE, Real
+from .expressions import literal, number, text_of, type_of
 from .indices import composed, index_text, linear
-from .plan import Group, Output, Plan, make_plan
+from .plan import SUMS, Group, Output, Plan, make_plan
+from .products import write_product
 from .reductions import write_reduction
 from .special import SPECIAL
+
+#: Arrays of numbers that all samples share.
+ALIKE = ("clock", "shared")
 
 
 class Writer:
     """Writes statements; `unroll` is how many turns a loop may have to be unrolled."""
 
-    def __init__(self, outputs: Sequence[Output], unroll: int) -> None:
-        self.plan: Plan = make_plan(outputs)
+    def __init__(
+        self, outputs: Sequence[Output], unroll: int, real: Real = DOUBLE, blocks: bool = False
+    ) -> None:
+        self.real = real
+        self.plan: Plan = make_plan(outputs, blocks)
         self._unroll = unroll
         self._lines: list[str] = []
         self._depth = 0
@@ -29,9 +37,12 @@ class Writer:
     def text(self) -> list[str]:
         """All statements, without the arrays they need (`plan.arrays`, `tables`)."""
         for group in self.plan.groups:
-            if group.nodes[0].op in SPECIAL:
-                SPECIAL[group.nodes[0].op](self, group.nodes[0])
-                self._finish(group.nodes[0])
+            first = group.nodes[0]
+            if first.op in SPECIAL:
+                SPECIAL[first.op](self, first)
+                self._finish(first)
+            elif first.number in self.plan.products:
+                write_product(self, first)
             else:
                 self._group(group)
         for output in self._outputs:
@@ -87,15 +98,19 @@ class Writer:
                 steps = tuple(int(n != 1 and k == place) for k in range(len(names)))
                 maps.append(IndexMap(0, steps))
                 place += n != 1
+            home = self.plan.homes.get(node.number)
+            if home is not None and home[0] == SUMS and node.op == "mul":
+                where = f"{SUMS}[{index_text(*linear(maps, node.shape), names, home[1])}]"
+                left, right = (self.read(a, names, maps) for a in node.args)
+                self.put(f"{where} = fma({left}, {right}, {where});")
+                continue
             name = f"v{node.number}"
             self.put(f"{type_of(node.kind)} {name};")
             self._value(node, name, names, maps)
             self._names[node.number] = name
-            if node.number not in self.plan.passing:
-                array, offset = self.plan.homes[node.number]
-                self.put(
-                    f"{array}[{index_text(*linear(maps, node.shape), names, offset)}] = {name};"
-                )
+            if home is not None:
+                array, offset = home
+                self._store(array, index_text(*linear(maps, node.shape), names, offset), name)
         for _ in names:
             self.close()
         self._names = {}
@@ -104,12 +119,16 @@ class Writer:
         """A result of one element goes to its place too."""
         home = self.plan.homes.get(node.number)
         if node.size == 1 and home is not None and node.number in self._scalars:
-            self.put(f"{home[0]}[{home[1]}] = {self._scalars[node.number]};")
+            self._store(home[0], str(home[1]), self._scalars[node.number])
+
+    def _store(self, array: str, where: str, value: str) -> None:
+        place = f"{array}[{where}]"
+        self.put(f"{place} = {f'{place} + {value}' if array == SUMS else value};")
 
     def _copy(self, output: Output) -> None:
         names, maps = self.loop_over(output.node.shape)
         where = index_text(*linear(maps, output.node.shape), names, output.offset)
-        self.put(f"{output.place}[{where}] = {self.read(output.node, names, maps)};")
+        self._store(output.place, where, self.read(output.node, names, maps))
         for _ in names:
             self.close()
 
@@ -156,7 +175,7 @@ class Writer:
         if node.number in self._scalars:
             return self._scalars[node.number]
         if node.op == "full":
-            return literal(node.kind, node.attributes[0])
+            return literal(node.kind, node.attributes[0], self.real)
         if node.op == "iota":
             start, step = node.attributes
             (m,) = maps
@@ -166,7 +185,7 @@ class Writer:
         if node.op == "input":
             place, base = node.attributes
             where = index_text(offset, steps, names, base)
-            return f"splat({place}[{where}])" if place == "clock" else f"{place}[{where}]"
+            return f"splat({place}[{where}])" if place in ALIKE else f"{place}[{where}]"
         if node.op == "table":
             where = index_text(offset, steps, names, 0)
             return f"{'splat' if node.kind == 'f' else 'isplat'}({self._table(node)}[{where}])"
@@ -179,7 +198,7 @@ class Writer:
             if source.op == "input":
                 place, base = source.attributes
                 where = index_text(offset, steps, names, base)
-                return f"splat({place}[{where}])" if place == "clock" else f"{place}[{where}]"
+                return f"splat({place}[{where}])" if place in ALIKE else f"{place}[{where}]"
             node = source
         home = self.plan.homes.get(node.number)
         if home is not None:
@@ -187,9 +206,9 @@ class Writer:
         return self._expression(node, names, maps)
 
     def _table(self, node: Node) -> str:
-        kind = "double" if node.kind == "f" else "long long"
+        kind = self.real.name if node.kind == "f" else self.real.whole
         masks = {"True": "-1", "False": "0"}
         texts = node.attributes
-        values = [double(t) if node.kind == "f" else masks.get(t, t) for t in texts]
+        values = [number(t, self.real) if node.kind == "f" else masks.get(t, t) for t in texts]
         key = (kind, *values)
         return self.tables.setdefault(key, f"t{len(self.tables)}")

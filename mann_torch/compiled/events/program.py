@@ -13,6 +13,8 @@ from ..march.kernel_text import Function, KernelText, Sizes, Skeleton, backward_
 from ..march.layout import Layout, Leaf
 from ..march.program import Program
 from ..march.scope import Arguments, Back, Own, Piece, Result, carried
+from ..real import DOUBLE
+from ..trace.telling import UntraceableError
 from .back_text import BACK, room_backward
 from .rules_text import COUNTS, NOTES, RULES, numbers
 from .step_text import STEP, room
@@ -74,6 +76,8 @@ class EventProgram(Program):
 
     def __init__(self, step: HybridStep, given: Layout, examples: Sequence[Tensor]) -> None:
         super().__init__(step, given, examples)
+        if self.given.real is not DOUBLE or any(leaf.shared for leaf in given.constants):
+            raise UntraceableError("a hybrid step computes in float64, without shared constants")
         self.private = frozenset({len(given.carry) - 1})
 
     def pieces(self) -> list[Piece]:
@@ -120,7 +124,9 @@ class EventProgram(Program):
             Function("BackReset", reset, (moment,), ("g_moment",), True),
             Function("BackTotals", totals, (("after", "f"),), ("g_after",), True),
         ]
-        return backward_text(self.layout, functions, sizes, lanes, self._skeleton(*sizes))
+        return backward_text(
+            self.layout, functions, sizes, lanes, self._skeleton(sizes.wanted, sizes.wanted_segment)
+        )
 
     def _lowered(self, back: Back) -> list[list[Output]]:
         after = range(len(self.layout.floating))

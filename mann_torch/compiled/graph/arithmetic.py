@@ -79,10 +79,10 @@ _FOLDS: dict[str, Callable[..., Any]] = {
 }
 
 
-def _wrapped(value: Any) -> Any:
-    """An integer as 64 bits hold it."""
+def _wrapped(g: Graph, value: Any) -> Any:
+    """An integer as its bits hold it."""
     whole = isinstance(value, int) and not isinstance(value, bool)
-    return (value + 2**63) % 2**64 - 2**63 if whole else value
+    return g.real.wrapped(value) if whole else value
 
 
 def _simplified(g: Graph, op: str, args: list[Node], kind: str, shape: Shape) -> Node | None:
@@ -90,7 +90,7 @@ def _simplified(g: Graph, op: str, args: list[Node], kind: str, shape: Shape) ->
     if op in _FOLDS and all(n is not None for n in numbers):
         finite = all(math.isfinite(n) for n in numbers if n is not None)
         if finite or op not in ("to_i", "to_b"):
-            return g.full(_wrapped(_FOLDS[op](*numbers)), shape, kind)
+            return g.full(_wrapped(g, _FOLDS[op](*numbers)), shape, kind)
     if op == "where":
         condition = numbers[0]
         if condition is not None:

@@ -11,8 +11,10 @@ import math
 from collections.abc import Hashable, Sequence
 from typing import Any, NamedTuple
 
+from ..real import DOUBLE, Real
+
 Shape = tuple[int, ...]
-#: Kinds of element: f float64, i int64, b bool.
+#: Kinds of element: f floating, i integer, b bool.
 KINDS = "fib"
 
 
@@ -45,9 +47,10 @@ class Node:
 
 
 class Graph:
-    """Makes nodes, each once."""
+    """Makes nodes, each once; constants are rounded to the arithmetic they are for."""
 
-    def __init__(self) -> None:
+    def __init__(self, real: Real = DOUBLE) -> None:
+        self.real = real
         self._known: dict[Hashable, Node] = {}
         #: Notes of `views`: views taken apart by what is viewed and how, and places of cuts by
         #: number; how many operations deep a view is being pushed now.
@@ -79,9 +82,17 @@ class Graph:
 
     def full(self, value: float | int | bool, shape: Sequence[int], kind: str) -> Node:
         """One number everywhere."""
-        number = {"f": float, "i": int, "b": bool}[kind](value)
+        number = self._held(value, kind)
         # -0.0 == 0.0 and True == 1: the text tells them apart.
         return self.node("full", (), shape, kind, (repr(number),))
+
+    def _held(self, value: Any, kind: str) -> float | int | bool:
+        """A number of a kind. Raises `NotImplementedError` for an integer of too many bits."""
+        if kind == "f":
+            return self.real.rounded(value)
+        if kind == "i" and not self.real.holds(int(value)):
+            raise NotImplementedError(f"{int(value)} beyond {8 * self.real.bytes} bits")
+        return int(value) if kind == "i" else bool(value)
 
     def iota(self, start: int, step: int, count: int, kind: str = "i") -> Node:
         """start, start + step, ... (count,)."""
@@ -91,7 +102,8 @@ class Graph:
         """Given numbers, in row-major order."""
         if len(values) and len({repr(v) for v in values}) == 1:
             return self.full(values[0], shape, kind)
-        return self.node("table", (), shape, kind, tuple(repr(v) for v in values))
+        held = tuple(repr(self._held(v, kind)) for v in values)
+        return self.node("table", (), shape, kind, held)
 
 
 def number_of(node: Node) -> float | int | bool | None:

@@ -23,6 +23,7 @@ from torch import Tensor
 
 from ...errors import KernelError
 from .cache import loaded_safely, temporary_folder
+from .launching import direct, launch, recorded, single
 
 log = logging.getLogger("mann_torch")
 #: Warp may be started, and a kernel built, by one thread at a time.
@@ -103,10 +104,10 @@ def _silent_stderr() -> Iterator[None]:
 
 
 @functools.cache
-def lanes_here() -> int:
-    """How many float64 lanes this machine computes side by side."""
+def lanes_here(bytes_each: int = 8) -> int:
+    """How many lanes of so many bytes, 8 for float64, this machine computes side by side."""
     capability = torch.backends.cpu.get_cpu_capability()
-    return {"AVX512": 8, "AVX2": 4}.get(capability, 2)
+    return {"AVX512": 64, "AVX2": 32}.get(capability, 16) // bytes_each
 
 
 class Kernel:
@@ -120,15 +121,10 @@ class Kernel:
 
         Packing the arguments each time would take a millisecond.
         """
-        import warp as wp
-
-        command = wp.launch(
-            self._made,
-            dim=count,
-            inputs=[wp.from_torch(table, dtype=wp.int64), offset, 0, 0],
-            device=self._device,
-            record_cmd=True,
-        )
+        found = direct(self._made, count) if self._device == "cpu" else None
+        if found is not None:
+            return launch(found, table, offset)
+        command = recorded(self._made, table, offset, count, self._device)
 
         def run(first: int, last: int) -> None:
             command.set_param_at_index(2, first)
@@ -136,6 +132,16 @@ class Kernel:
             command.launch()
 
         return run
+
+    def single(self, table: Tensor, count: int = 1) -> Callable[[], Any]:
+        """One step of `count` groups, as often as it is called: nothing is packed again.
+
+        What the table points at must live as long.
+        """
+        found = direct(self._made, count) if self._device == "cpu" else None
+        if found is None:
+            return functools.partial(self.prepared(table, 0, count), 0, 1)
+        return single(found, table)
 
 
 def kernel(text: str, lanes: int, device: str = "cpu") -> Kernel:

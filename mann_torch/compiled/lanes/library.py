@@ -8,11 +8,13 @@ depend neither on the number of lanes nor on the other lanes. Errors are measure
 
 import re
 
+from ..real import DOUBLE, Real
 from .exponentials import EXPONENTIALS
 from .logarithms import LOGARITHMS
+from .singles import singles, wide_lanes
 from .special import SPECIAL
 from .trigonometry import TRIGONOMETRY
-from .types import check_lanes, lane_types, primitives
+from .types import check_lanes, lane_types, narrowed, primitives
 
 __all__ = ["lane_library", "lane_types"]
 
@@ -24,10 +26,19 @@ _PRAGMA = """
 """
 
 
-def lane_library(lanes: int, qualifier: str = "") -> str:
+def lane_library(lanes: int, qualifier: str = "", real: Real = DOUBLE) -> str:
     """The body of `struct Lanes`; `qualifier` stands before each function."""
     check_lanes(lanes)
-    text = primitives(lanes) + _BASIC + EXPONENTIALS + LOGARITHMS + TRIGONOMETRY + SPECIAL
+    if real is DOUBLE:
+        text = primitives(lanes) + _BASIC + _MORE + EXPONENTIALS + LOGARITHMS
+        return _qualified(text + TRIGONOMETRY + SPECIAL, lanes, qualifier)
+    half = wide_lanes(lanes)
+    wide = f"struct Wide {{\n{lane_types(half)}{lane_library(half, qualifier)}}};\n"
+    text = primitives(lanes, real) + narrowed(_BASIC) + singles(lanes)
+    return wide + _qualified(text, lanes, qualifier)
+
+
+def _qualified(text: str, lanes: int, qualifier: str) -> str:
     text = text.replace("@LANES@", str(lanes))
     prefix = f"{qualifier} static inline".strip()
     # A rare path inlined would spill registers in the common one.
@@ -78,7 +89,8 @@ fn V powi(V x, int n) {
   }
   return n < 0 ? splat(1.0) / r : r;
 }
-slow V fmod_far(V x, V y, M far, V r) {
+"""
+_MORE = """slow V fmod_far(V x, V y, M far, V r) {
   for (int i = 0; i < @LANES@; ++i) {
     if (iget(far, i) != 0) put(r, i, ::fmod(get(x, i), get(y, i)));
   }

@@ -1,19 +1,23 @@
 """C++ text of the lane types and of the primitives that differ between one lane and several.
 
-A value `V` holds one double per lane, an `M` one 64-bit integer per lane; a mask is an `M` of 0 or
--1. Everything above the primitives is written once (`lane_maths`).
+A value `V` holds one floating number per lane, an `M` one integer of as many bits; a mask is an `M`
+of 0 or -1. Everything above the primitives is written once (`lane_maths`).
 """
 
-LANE_COUNTS = (1, 2, 4, 8)
+import re
+
+from ..real import DOUBLE, FLOAT, Real
+
+LANE_COUNTS = (1, 2, 4, 8, 16)
 
 
-def lane_types(lanes: int) -> str:
+def lane_types(lanes: int, real: Real = DOUBLE) -> str:
     """The two typedefs; they stand before the struct, in the same function."""
     check_lanes(lanes)
     if lanes == 1:
-        return "typedef double V;\ntypedef long long M;\n"
-    attribute = f"__attribute__((vector_size({8 * lanes})))"
-    return f"typedef double V {attribute};\ntypedef long long M {attribute};\n"
+        return f"typedef {real.name} V;\ntypedef {real.whole} M;\n"
+    attribute = f"__attribute__((vector_size({real.bytes * lanes})))"
+    return f"typedef {real.name} V {attribute};\ntypedef {real.whole} M {attribute};\n"
 
 
 def check_lanes(lanes: int) -> None:
@@ -21,10 +25,35 @@ def check_lanes(lanes: int) -> None:
         raise ValueError(f"lanes must be one of {LANE_COUNTS}, got {lanes}")
 
 
-def primitives(lanes: int) -> str:
+def primitives(lanes: int, real: Real = DOUBLE) -> str:
     """The primitives, each a line `fn TYPE name(...) {...}` (see `lane_maths`)."""
     own = _SCALAR if lanes == 1 else _VECTOR.replace("@ALL@", ", ".join(["a"] * lanes))
-    return own + _BOTH
+    return narrowed(own + _BOTH) if real is FLOAT else own + _BOTH
+
+
+#: What the bits and intrinsics of float64 are called, and those of float32 in their place.
+_NARROWED = {
+    "long long": "int",
+    r"\bdouble": "float",
+    "__double_as_longlong": "__float_as_int",
+    "__longlong_as_double": "__int_as_float",
+    "__fma_rn": "__fmaf_rn",
+    "__dmul_rn": "__fmul_rn",
+    "__dsqrt_rn": "__fsqrt_rn",
+    "6755399441055744.0": "12582912.0",
+    "9223372036854775808.0": "2147483648.0",
+    "4503599627370496.0": "8388608.0",
+    "0x7ff0000000000000LL": "0x7f800000",
+    "0x7ff8000000000000LL": "0x7fc00000",
+    "0x7fffffffffffffffLL": "0x7fffffff",
+}
+
+
+def narrowed(text: str) -> str:
+    """Text of float64 arithmetic that means the same in float32, as such."""
+    for wide, narrow in _NARROWED.items():
+        text = re.sub(wide, narrow, text)
+    return text
 
 
 # NaN compares false, except under `ne`. The negated product keeps a mask 0 / -1.

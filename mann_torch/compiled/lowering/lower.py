@@ -14,7 +14,8 @@ from torch.fx import Node as Traced
 from ..graph.nodes import Graph, Node
 from ..trace.telling import UntraceableError, source_of
 from .constants import Constants, random
-from .registry import KIND_OF, LOWERINGS, kind_of
+from .precision import check_precision, rounded
+from .registry import LOWERINGS, kind_of, kinds_of
 
 
 def lower(g: Graph, made: GraphModule, inputs: Sequence[Node]) -> list[Node]:
@@ -46,13 +47,16 @@ def _constant(g: Graph, value: Any) -> Any:
     if value.is_complex():
         raise UntraceableError("complex numbers")
     whole = not (value.is_floating_point() or value.dtype == torch.bool)
-    kind = "i" if whole else _kind(value.dtype)  # of whatever width: a number is a number
-    return g.table(value.detach().reshape(-1).tolist(), tuple(value.shape), kind)
+    kind = "i" if whole else _kind(g, value.dtype)  # of whatever width: a number is a number
+    try:
+        return g.table(value.detach().reshape(-1).tolist(), tuple(value.shape), kind)
+    except NotImplementedError as error:
+        raise UntraceableError(f"a constant of {error}") from error
 
 
-def _kind(dtype: torch.dtype) -> str:
-    # A float32 constant is exact in float64; arithmetic in float32 is not.
-    return "f" if dtype == torch.float32 else kind_of(dtype)
+def _kind(g: Graph, dtype: torch.dtype) -> str:
+    # A constant of the other precision is held in ours; arithmetic in it is refused.
+    return "f" if dtype in (torch.float32, torch.float64) else kind_of(g.real, dtype)
 
 
 def _value(argument: Any, values: dict[Traced, Any]) -> Any:
@@ -69,14 +73,14 @@ def _called(g: Graph, traced: Traced, values: dict[Traced, Any], constants: Cons
     name = str(traced.target).removeprefix("aten.")
     tensors = _tensors(name, traced)
     own = tensors[0].dtype
-    alike = own in KIND_OF or own == torch.int32
+    alike = own in kinds_of(g.real) or own == torch.int32
     if not alike and traced in constants:
         return _constant(g, constants.of(traced))
     function = LOWERINGS.get(name)
     try:
         if function is None:
             raise NotImplementedError(f"operation {name} has no compiled form")
-        _check_precision(name, traced, own)
+        check_precision(g.real, name, traced, own)
         return _lowered(g, traced, values, function, tensors[0])
     except Exception as error:  # also forms of an operation that its lowering did not foresee
         if traced in constants:
@@ -104,7 +108,7 @@ def _lowered(
     function: Callable[..., Any],
     like: torch.Tensor,
 ) -> Any:
-    args = [_rounded(_value(a, values), like.dtype) for a in traced.args]
+    args = [rounded(_value(a, values), like.dtype) for a in traced.args]
     keywords = {k: _value(v, values) for k, v in traced.kwargs.items()}
     for dropped in ("dtype", "layout", "device", "pin_memory", "memory_format", "non_blocking"):
         keywords.pop(dropped, None)
@@ -113,31 +117,4 @@ def _lowered(
         keywords["shape"] = tuple(like.shape)
     if "like" in asked:  # the first operand as torch has it
         keywords["like"] = traced.args[0].meta["val"]  # type: ignore[union-attr]
-    return function(g, _kind(like.dtype), *args, **keywords)
-
-
-_NAMES = """
-    full scalar_tensor view expand unsqueeze squeeze alias zeros ones empty full_like zeros_like
-    ones_like lift_fresh_copy clone detach where select slice cat permute
-"""
-#: What may be float32: it only makes or moves constants, exact in float64.
-_CONSTANT = frozenset(_NAMES.split())
-
-
-def _check_precision(name: str, traced: Traced, dtype: torch.dtype) -> None:
-    """Raise `UntraceableError` for arithmetic in anything but float64."""
-    if not (dtype.is_floating_point or dtype.is_complex) or dtype in KIND_OF:
-        return
-    operation = name.split(".")[0]
-    whole = (
-        operation == "_to_copy" and not traced.args[0].meta["val"].is_floating_point()  # type: ignore[union-attr]
-    )
-    if dtype != torch.float32 or not (operation in _CONSTANT or whole):
-        raise UntraceableError(f"{name} computes in {dtype}, not in float64")
-
-
-def _rounded(value: Any, dtype: torch.dtype) -> Any:
-    """A Python number as a float32 constant holds it."""
-    if dtype == torch.float32 and isinstance(value, float):
-        return float(torch.tensor(value, dtype=torch.float32))
-    return value
+    return function(g, _kind(g, like.dtype), *args, **keywords)

@@ -9,12 +9,12 @@ import torch
 
 from ..graph.arithmetic import pointwise
 from ..graph.nodes import Graph, Node
+from ..real import Real
 from ..trace.telling import UntraceableError
 
 #: (graph, operands, keywords, kind of the result) -> node, or a tuple of them.
 Lowering = Callable[..., Any]
 LOWERINGS: dict[str, Lowering] = {}
-KIND_OF = {torch.float64: "f", torch.int64: "i", torch.bool: "b"}
 
 
 def lowers(*names: str) -> Callable[[Lowering], Lowering]:
@@ -28,12 +28,18 @@ def lowers(*names: str) -> Callable[[Lowering], Lowering]:
     return register
 
 
-def kind_of(dtype: torch.dtype) -> str:
+def kinds_of(real: Real) -> dict[torch.dtype, str]:
+    """Our letters for the dtypes that lanes hold."""
+    return {real.dtype: "f", torch.int64: "i", torch.bool: "b"}
+
+
+def kind_of(real: Real, dtype: torch.dtype) -> str:
     """Our letter for a dtype; raises `UntraceableError` for one that lanes do not have."""
-    kind = KIND_OF.get(dtype)
+    kind = kinds_of(real).get(dtype)
     if kind is None:
         if dtype != torch.int32:  # the others would wrap around soon
-            raise UntraceableError(f"numbers of {dtype}: lanes hold float64, int64 and bool")
+            name = str(real.dtype).removeprefix("torch.")
+            raise UntraceableError(f"numbers of {dtype}: lanes hold {name}, int64 and bool")
         kind = "i"
     return kind
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import torch
@@ -13,9 +14,9 @@ from .engine import Job
 from .program import Program
 
 #: Largest difference, relative to the largest entry of a value, that rounding explains.
-TOLERANCE = 1e-10
+TOLERANCE = {torch.float64: 1e-10, torch.float32: 1e-5}
 #: The same against the largest of all values, where one has all but cancelled.
-CANCELLED = 1e-4
+CANCELLED = {torch.float64: 1e-4, torch.float32: 0.1}
 #: How much smaller carried numbers are where gradients are compared.
 SMALLER = 1e-3
 #: Numbers of the constants and of the segments with gradients; None: forward alone.
@@ -106,12 +107,14 @@ def _check_gradient(program: Program, lanes: int, wanted: Wanted) -> None:
         marched = march(job, *free)
         row = torch.cat([g.reshape(-1) for g in given])
         slopes = torch.autograd.grad(marched.state_f, free, row.reshape(marched.state_f.shape))
-    columns = [
-        slopes[0][0, program.scope.constant_columns(constants)],
-        slopes[1][0, 0, program.scope.segment_columns(segments)],
-        slopes[2][0],
-    ]
-    parts = torch.cat(columns).split([e.numel() for e in expected])
+    layout = program.layout
+    found = []
+    for i in constants:
+        place, offset = layout.constant_places[i]
+        row = slopes[3] if place == "shared" else slopes[0][0]
+        found.append(row[offset : offset + math.prod(layout.constants[i].shape)])
+    found += [slopes[1][0, 0, program.scope.segment_columns(segments)], slopes[2][0]]
+    parts = torch.cat(found).split([e.numel() for e in expected])
     mine = [part.reshape(e.shape) for part, e in zip(parts, expected, strict=True)]
     _compare_all("gradient", mine, expected)
 
@@ -121,8 +124,9 @@ def one_step_job(
     lanes: int | None = None,
     wanted: Wanted = None,
     examples: Sequence[Tensor] | None = None,
-) -> tuple[Job, Tensor, Tensor, Tensor]:
+) -> tuple[Job, Tensor, Tensor, Tensor, Tensor]:
     """A march of one step of one sample, from the program's examples or others."""
+    layout, real = program.layout, program.layout.real
     given = program.scope.arguments(program.examples if examples is None else examples)
     constants = [given.constants[i] for i in program.used]
     slot = torch.tensor([-1, 0], dtype=torch.int32)
@@ -133,7 +137,7 @@ def one_step_job(
         noise = (table, zero, zero)
     job = Job(
         program=program,
-        clock=torch.stack(given.clock).unsqueeze(0) if given.clock else torch.zeros(1, 0),
+        clock=row_of(given.clock, True, real.dtype),
         segment_of=torch.zeros(1, dtype=torch.int32),
         noise=noise,
         whole=row_of(constants, False),
@@ -145,17 +149,21 @@ def one_step_job(
         wanted=wanted or ((), ()),
         lanes=lanes,
     )
-    rows = row_of(constants, True), row_of(given.segments, True)[None], row_of(given.carry, True)
-    return job, *rows
+    floating: dict[str, list[Tensor]] = {"constant": [], "shared": [], "whole": []}
+    for leaf, tensor in zip(layout.constants, constants, strict=True):
+        floating[leaf.place].append(tensor)
+    rows = (floating["constant"], given.segments, given.carry, floating["shared"])
+    own, segments, carry, shared = (row_of(row, True, real.dtype) for row in rows)
+    return job, own, segments[None], carry, shared[0]
 
 
-def row_of(tensors: list[Tensor], floating: bool) -> Tensor:
+def row_of(tensors: list[Tensor], floating: bool, dtype: torch.dtype = torch.float64) -> Tensor:
     """The floating tensors, or the others as int64, side by side: (1, M)."""
     chosen = [t for t in tensors if t.is_floating_point() == floating]
     parts = [(-t.long() if t.dtype == torch.bool else t).reshape(1, -1) for t in chosen]
     if parts:
-        return torch.cat(parts, dim=-1).to(torch.float64 if floating else torch.int64)
-    return torch.zeros(1, 0, dtype=torch.float64 if floating else torch.int64)
+        return torch.cat(parts, dim=-1).to(dtype if floating else torch.int64)
+    return torch.zeros(1, 0, dtype=dtype if floating else torch.int64)
 
 
 def _compare_all(what: str, mine: list[Tensor], others: Sequence[Tensor]) -> None:
@@ -164,7 +172,8 @@ def _compare_all(what: str, mine: list[Tensor], others: Sequence[Tensor]) -> Non
     What is left of numbers that cancel is rounding, and no more than that.
     """
     sizes = [_largest(other) for other in others]
-    least = CANCELLED * max(sizes, default=0.0)
+    dtype = next((x.dtype for x in others if x.is_floating_point()), torch.float64)
+    least = CANCELLED[dtype] * max(sizes, default=0.0)
     for i, (own, other, size) in enumerate(zip(mine, others, sizes, strict=True)):
         _compare(f"{what} {i}", own, other, max(size, least))
 
@@ -182,7 +191,7 @@ def _compare(what: str, mine: Tensor, other: Tensor, scale: float) -> None:
             raise UntraceableError(f"{what} differs between the compiled step and eager torch")
         return
     same = (mine == other) | (mine.isnan() & other.isnan())
-    close = (mine - other).abs() <= TOLERANCE * scale
+    close = (mine - other).abs() <= TOLERANCE[other.dtype] * scale
     if not bool((same | close).all()):
         worst = float(torch.where(same, 0.0, (mine - other).abs()).max())
         raise UntraceableError(

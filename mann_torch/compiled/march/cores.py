@@ -14,6 +14,9 @@ import torch
 
 #: Seconds that one launch should take: progress shows, and Ctrl-C is heard.
 PAUSE = 0.25
+#: Steps of the first launch, if a state and what a step needs are no more numbers than `SMALL`;
+#: and groups times steps of it, where nobody watches the progress.
+FIRST, SMALL, UNWATCHED = 64, 4096, 2048
 
 
 @contextmanager
@@ -44,12 +47,14 @@ def pool(size: int) -> ThreadPoolExecutor:
 
 
 def run_all(launches: Sequence[Callable[[int, int], None]], first: int, last: int) -> None:
-    """One launch on each core, over a range of steps."""
+    """One launch on each core, this one too, over a range of steps."""
     if len(launches) == 1:
         launches[0](first, last)
         return
-    done = [pool(len(launches)).submit(launch, first, last) for launch in launches]
+    others = pool(len(launches) - 1)
+    done = [others.submit(launch, first, last) for launch in launches[1:]]
     try:
+        launches[0](first, last)
         wait(done)
     finally:
         while not all(future.done() for future in done):  # Ctrl-C: they still use our memory
@@ -57,6 +62,13 @@ def run_all(launches: Sequence[Callable[[int, int], None]], first: int, last: in
                 wait(done)
     for future in done:
         future.result()
+
+
+def first_steps(numbers: int, groups: float, watched: bool) -> int:
+    """Steps of the first launch, of so many numbers a step and groups a core."""
+    if numbers > SMALL:
+        return 1
+    return FIRST if watched else max(FIRST, int(UNWATCHED / groups))
 
 
 def run_in_pieces(

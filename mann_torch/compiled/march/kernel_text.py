@@ -13,14 +13,16 @@ from ..lanes.library import lane_library
 from ..lanes.linear import linear_library
 from ..lanes.types import lane_types
 from .layout import Layout
+from .loop_forms import marched, turned
 from .loop_text import AFTER, BACKWARD, COMMON, FINE, FORWARD, GATHER, TOOLS
+from .turn_text import turn_text
 
 #: Bytes of arrays that a step may keep on the stack; beyond that they lie in the caller's memory.
 STACK = 256 * 1024
 #: Turns of a loop that are written out, by number of lanes.
-_UNROLL = {1: 16, 2: 8, 4: 4, 8: 4}
+_UNROLL = {1: 16, 2: 8, 4: 4, 8: 4, 16: 4}
 _GIVEN = (
-    "const double* __restrict__ clock, const V* __restrict__ constant, "
+    "const $REAL* __restrict__ clock, const V* __restrict__ constant, "
     "const V* __restrict__ segment, const V* __restrict__ noise, const M* __restrict__ whole, "
     "const V* __restrict__ f, const M* __restrict__ k"
 )
@@ -41,6 +43,7 @@ class Sizes(NamedTuple):
 
     wanted: int = 0
     wanted_segment: int = 0
+    wanted_shared: int = 0
 
 
 class Function(NamedTuple):
@@ -69,13 +72,14 @@ def forward_text(
     layout: Layout, functions: Sequence[Function], lanes: int, skeleton: Skeleton | None = None
 ) -> KernelText:
     """The forward march."""
-    bodies, room = _written(functions, lanes)
+    bodies, room = _written(functions, lanes, layout)
     watch = FORWARD.replace("$BEYOND", _beyond(layout)).replace("$WHY", _why(layout))
     if skeleton is not None:
         bodies.append(skeleton.forward)
         room += skeleton.room
     head = _head(layout, lanes, Sizes(), skeleton)
-    text = "\n".join([head, *bodies, TOOLS, COMMON, watch, "}"])
+    loop = _marched([TOOLS, COMMON, watch], layout, lanes)
+    text = "\n".join([head, *bodies, *loop, "}"])
     return KernelText(text, _common_room(layout) + room)
 
 
@@ -87,21 +91,34 @@ def backward_text(
     skeleton: Skeleton | None = None,
 ) -> KernelText:
     """The backward march."""
-    bodies, room = _written(functions, lanes)
+    bodies, room = _written(functions, lanes, layout)
     walk = BACKWARD.replace("$AFTER", "" if skeleton is None else AFTER)
     walk = walk.replace("$LAST", "end - 1" if skeleton is None else "end")
     if skeleton is not None:
         bodies += [skeleton.forward, skeleton.backward]
         room += max(skeleton.room, skeleton.room_backward)
     head = _head(layout, lanes, sizes, skeleton)
-    text = "\n".join([head, *bodies, TOOLS, GATHER, COMMON, walk, "}"])
+    loop = _marched([TOOLS, GATHER, COMMON, walk], layout, lanes)
+    text = "\n".join([head, *bodies, *loop, "}"])
     f, k = layout.size("f"), layout.size("k")
-    own = f + sizes.wanted + sizes.wanted_segment + (FINE + 1) * (f + k)
+    again = sizes.wanted_segment if is_turned(layout) else 0
+    own = f + sum(sizes) + again + (FINE + 1) * (f + k)
     return KernelText(text, _common_room(layout) + own + room)
 
 
+def _marched(parts: Sequence[str], layout: Layout, lanes: int) -> list[str]:
+    turn = [turn_text(lanes)] if is_turned(layout) else []
+    return [marched(part, layout.real, layout.size("shared") > 0) for part in [*turn, *parts]]
+
+
+def is_turned(layout: Layout) -> bool:
+    """Whether segments and outputs lie as rows, a sample each, not in lanes."""
+    return turned(layout.real, layout.size("shared") > 0)
+
+
 def _common_room(layout: Layout) -> int:
-    return layout.size("f") + layout.size("k") + layout.size("noise")
+    segment = layout.size("segment") if is_turned(layout) else 0
+    return layout.size("f") + layout.size("k") + layout.size("noise") + segment
 
 
 def _head(layout: Layout, lanes: int, sizes: Sizes, skeleton: Skeleton | None) -> str:
@@ -118,6 +135,7 @@ def _head(layout: Layout, lanes: int, sizes: Sizes, skeleton: Skeleton | None) -
         "N_MOTION": layout.n_motion,
         "N_WANTED": sizes.wanted,
         "N_WANTED_SEGMENT": sizes.wanted_segment,
+        **({"N_WANTED_SHARED": sizes.wanted_shared} if layout.size("shared") else {}),
         **({} if skeleton is None else skeleton.numbers),
     }
     constants = ", ".join(f"{name} = {value}" for name, value in numbers.items())
@@ -127,29 +145,30 @@ def _head(layout: Layout, lanes: int, sizes: Sizes, skeleton: Skeleton | None) -
             "#if defined(__clang__)",
             "#pragma clang fp contract(off)",
             "#endif",
-            lane_types(lanes),
+            lane_types(lanes, layout.real),
             f"enum {{ {constants} }};",
             "struct Lanes {",
-            lane_library(lanes, "CUDA_CALLABLE"),
+            lane_library(lanes, "CUDA_CALLABLE", layout.real),
             linear_library("CUDA_CALLABLE"),
             "};",
         ]
     )
 
 
-def _written(functions: Sequence[Function], lanes: int) -> tuple[list[str], int]:
+def _written(functions: Sequence[Function], lanes: int, layout: Layout) -> tuple[list[str], int]:
     """Their texts, and the vectors of memory that the greediest wants from its caller."""
-    found = [_struct(function, lanes) for function in functions]
+    found = [_struct(function, lanes, layout) for function in functions]
     return [text for text, _ in found], max(room for _, room in found)
 
 
-def _struct(function: Function, lanes: int) -> tuple[str, int]:
-    writer = Writer(function.outputs, _UNROLL[lanes])
+def _struct(function: Function, lanes: int, layout: Layout) -> tuple[str, int]:
+    real, shared = layout.real, layout.size("shared") > 0
+    writer = Writer(function.outputs, _UNROLL[lanes], real, turned(real, shared))
     lines = writer.text()
     arrays = writer.plan.arrays
     total = sum(size for size, _ in arrays.values())
     declared, room = [], 0
-    if total * 8 * lanes <= STACK:
+    if total * real.bytes * lanes <= STACK:
         declared = [f"{type_of(kind)} {array}[{n}];" for array, (n, kind) in arrays.items()]
     else:
         for array, (n, kind) in arrays.items():
@@ -162,10 +181,14 @@ def _struct(function: Function, lanes: int) -> tuple[str, int]:
     ]
     body = "\n".join(f"    {line}" for line in [*tables, *declared, *lines])
     parameters = [f"const {type_of(kind)}* __restrict__ {name}" for name, kind in function.takes]
-    parameters.append(_GIVEN)
+    parameters.append(_GIVEN.replace("$REAL", real.name))
+    if shared:
+        parameters.append(f"const {real.name}* __restrict__ shared")
     if function.backward:
         parameters.append("const V* __restrict__ adj")
     parameters.append(_GRADIENTS if function.backward else _RESULTS)
+    if shared and function.backward:
+        parameters.append("V* __restrict__ g_shared")
     parameters += [f"V* __restrict__ {name}" for name in function.gives]
     text = f"""struct {function.name} : Lanes {{
 #if defined(__clang__) && !defined(__CUDA_ARCH__)

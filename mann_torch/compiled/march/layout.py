@@ -9,14 +9,37 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
+from torch import Tensor
+
 from ..graph.nodes import Graph, Node, Shape
+from ..real import DOUBLE, Real
 
 
 class Leaf(NamedTuple):
-    """A tensor of one sample: shape, and kind of element (f, i or b)."""
+    """A tensor of one sample: shape, and kind of element (f, i or b).
+
+    A floating constant that is `shared` is one tensor for all samples.
+    """
 
     shape: Shape
     kind: str = "f"
+    shared: bool = False
+
+    @property
+    def place(self) -> str:
+        """The array of constants it lies in."""
+        if self.kind != "f":
+            return "whole"
+        return "shared" if self.shared else "constant"
+
+
+class Moved(NamedTuple):
+    """The arrays of a march that gradients reach: see `autograd.march`."""
+
+    constants: Tensor
+    segments: Tensor
+    carry: Tensor
+    shared: Tensor
 
 
 @dataclass(frozen=True)
@@ -30,12 +53,13 @@ class Layout:
     """
 
     clock: int  # numbers () that all samples share and each step has of its own: time, size
-    constants: tuple[Leaf, ...]  # a sample's own
+    constants: tuple[Leaf, ...]  # a sample's own, unless it is shared
     segments: tuple[Shape, ...]  # a sample's own, piecewise constant in time
     noise: tuple[Shape, ...]  # unit normal numbers of each step
     carry: tuple[Leaf, ...]
     n_motion: int
     watched: tuple[int, ...]  # indices in `carry`
+    real: Real = DOUBLE
 
     def with_carry(self, leaves: Sequence[Leaf]) -> Layout:
         """The same with more to carry."""
@@ -62,25 +86,24 @@ class Layout:
         return tuple(places)
 
     def size(self, name: str) -> int:
-        """Numbers a sample has in an array: constant, whole, segment, noise, f or k."""
+        """Numbers a sample has in an array: constant, shared, whole, segment, noise, f or k."""
         if name in "fk":
             chosen = self.floating if name == "f" else self.discrete
             return sum(math.prod(self.carry[i].shape) for i in chosen)
         return sum(map(math.prod, self._shapes(name)))
 
     def _shapes(self, name: str) -> list[Shape]:
-        if name in ("constant", "whole"):
-            return [c.shape for c in self.constants if (c.kind == "f") == (name == "constant")]
+        if name in ("constant", "shared", "whole"):
+            return [c.shape for c in self.constants if c.place == name]
         return list({"segment": self.segments, "noise": self.noise}[name])
 
     @cached_property
     def constant_places(self) -> tuple[tuple[str, int], ...]:
-        """Array (constant, or whole for integers and masks) and offset of each constant."""
-        places, ends = [], {"constant": 0, "whole": 0}
+        """Array (constant, shared, or whole for integers and masks) and offset of each constant."""
+        places, ends = [], {"constant": 0, "shared": 0, "whole": 0}
         for leaf in self.constants:
-            array = "constant" if leaf.kind == "f" else "whole"
-            places.append((array, ends[array]))
-            ends[array] += math.prod(leaf.shape)
+            places.append((leaf.place, ends[leaf.place]))
+            ends[leaf.place] += math.prod(leaf.shape)
         return tuple(places)
 
     def inputs(self, g: Graph) -> list[Node]:

@@ -38,7 +38,7 @@ V* heap = (V*)table[24] + (long long)table[26] * g;
 V* const f_other = heap; heap += N_F;
 M* const k_other = (M*)heap; heap += N_K;
 V* const noise = heap; heap += N_NOISE;
-"""
+$COMMON"""
 
 _TOOLS = r"""
 struct Tools : Lanes {
@@ -109,7 +109,7 @@ for (long long s = first; s <= last; ++s) {
   if (N_NOISE) Watch::draw(noise, noise_table, noise_row + (long long)g * LANES, NOISE_INSTANTS,
                            noise_instant[s]);
   Step::run(clocks + s * N_CLOCK, constant,
-            segments + ((long long)segment_of[s] * G + g) * N_SEGMENT, noise, whole, f, k, f_next,
+            segments + ((long long)segment_of[s] * G + g) * N_SEGMENT, noise, whole, f, k, $Wf_next,
             k_next, heap);
   const M fell = Watch::beyond(f_next, LIMIT) & alive;
   if (Watch::any(fell))
@@ -138,7 +138,7 @@ const double* const g_state = (const double*)table[31];
 V* const adj_next = heap; heap += N_F;
 V* const part_constant = heap; heap += N_WANTED;
 V* const part_segment = heap; heap += N_WANTED_SEGMENT;
-V* const ring_f = heap; heap += (FINE + 1) * N_F;
+$ROOMV* const ring_f = heap; heap += (FINE + 1) * N_F;
 M* const ring_k = (M*)heap; heap += (FINE + 1) * N_K;
 V* const fine_f = heap; heap += (STRIDE / FINE) * N_F;
 M* const fine_k = (M*)heap; heap += (STRIDE / FINE) * N_K;
@@ -173,7 +173,7 @@ for (long long block = last - 1; block >= first; --block) {
                                NOISE_INSTANTS, noise_instant[s]);
       Step::run(clocks + s * N_CLOCK, constant,
                 segments + ((long long)segment_of[s] * G + g) * N_SEGMENT, noise, whole, f, k,
-                f_next, k_next, heap);
+                $Wf_next, k_next, heap);
       const M alive = Tools::igt(stops, Tools::isplat(s));
       if (!Tools::all(alive)) Tools::hold(alive, f_next, k_next, f, k);
     }
@@ -190,12 +190,12 @@ for (long long block = last - 1; block >= first; --block) {
       if (N_NOISE) Tools::draw(noise, noise_table, noise_row + (long long)g * LANES,
                                NOISE_INSTANTS, noise_instant[s]);
       const long long here = s - begin;
-      V* const g_segment = g_segments + ((long long)segment_of[s] * G + g) * N_WANTED_SEGMENT;
+$IN      V* const g_segment = g_segments + ((long long)segment_of[s] * G + g) * N_WANTED_SEGMENT;
       Back::run(clocks + s * N_CLOCK, constant,
                 segments + ((long long)segment_of[s] * G + g) * N_SEGMENT, noise, whole,
-                ring_f + here * N_F, ring_k + here * N_K, $AFTERadj, adj_next, part_constant,
-                part_segment, heap);
-      if (Tools::all(alive)) {
+                ring_f + here * N_F, ring_k + here * N_K, $W$AFTERadj, adj_next, part_constant,
+                part_segment, $SUMheap);
+$OUT      if (Tools::all(alive)) {
         for (int e = 0; e < N_F; ++e) adj[e] = adj_next[e];
         for (int e = 0; e < N_WANTED; ++e) g_constant[e] += part_constant[e];
         for (int e = 0; e < N_WANTED_SEGMENT; ++e) g_segment[e] += part_segment[e];

@@ -19,9 +19,10 @@ def lanes_for(program: Program, batch: int, threads: int, device: str = "cpu") -
     One where the working memory of steps and their gradients would be too large, and on a GPU,
     whose threads are lanes.
     """
-    lanes = 1 if batch <= 2 * threads or device != "cpu" else lanes_here()
+    real = program.layout.real
+    lanes = 1 if batch <= 2 * threads or device != "cpu" else lanes_here(real.bytes)
     state = program.layout.size("f") + program.layout.size("k")
-    room = 8 * lanes * (program.forward(lanes).heap + (FINE + 3) * state)
+    room = real.bytes * lanes * (program.forward(lanes).heap + (FINE + 3) * state)
     return lanes if room <= ROOM else 1
 
 

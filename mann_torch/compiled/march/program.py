@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -9,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ..cpp.plan import Output
+from ..real import real_of
 from ..trace.tracing import told
 from .kernel_text import Function, KernelText, Sizes, backward_text, forward_text
 from .layout import Layout
@@ -21,15 +23,17 @@ Step = Callable[..., Sequence[Tensor]]
 class Program:
     """One step, ready to be marched.
 
-    `given` is the layout of all that the step takes, `examples` are one sample's arguments.
-    Raises `UntraceableError`.
+    `given` is the layout of all that the step takes, `examples` are one sample's arguments: their
+    dtype, float64 or float32, is what it computes in. Raises `UntraceableError`.
     """
 
     def __init__(self, step: Step, given: Layout, examples: Sequence[Tensor]) -> None:
-        self._step, self.given = step, given
+        self._step = step
         with torch.inference_mode(False):
             # Views would be traced as raw `as_strided`.
             self.examples = [x.detach().clone() for x in examples]
+        given = dataclasses.replace(given, real=real_of(self.examples))
+        self.given = given
         #: Leaves of the carry that the compiled step alone writes.
         self.private: frozenset[int] = frozenset()
         #: What has been compared with eager torch, and what was found: see `agreement`.

@@ -7,14 +7,17 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 from torch.fx import GraphModule
 
-from ..cpp.plan import Output
-from ..graph.nodes import Graph, Node, reachable
+from ..cpp.plan import SUMS, Output
+from ..graph.nodes import Graph, Node, number_of, reachable
+from ..graph.reshapes import narrow
+from ..graph.views import cuts
 from ..lowering import lower
 from ..trace.telling import UntraceableError
 from ..trace.tracing import trace, trace_vjp
@@ -80,7 +83,7 @@ class Scope:
         self.used = self._constants_in(pieces, made)
         kept = tuple(given.constants[i] for i in self.used)
         self.layout = dataclasses.replace(given, constants=kept)
-        self.graph = Graph()
+        self.graph = Graph(given.real)
         #: The outputs of each piece.
         self.outputs = [self._outputs(p, m) for p, m in zip(pieces, made, strict=True)]
 
@@ -101,7 +104,7 @@ class Scope:
         self, pieces: Sequence[Piece], made: Sequence[GraphModule]
     ) -> tuple[int, ...]:
         """Numbers of the constants that the results depend on."""
-        g = Graph()
+        g = Graph(self.given.real)
         inputs = self.given.inputs(g)
         seen: set[int] = set()
         for piece, graph in zip(pieces, made, strict=True):
@@ -158,27 +161,40 @@ class Scope:
             _, offset, leaf = piece.results[i]
             inputs.append(g.input("adj", offset, leaf.shape, "f"))
         found = lower(g, made, inputs)
-        shapes = [layout.constants[i].shape for i in back.constants]
-        places = [("g_constant", o) for o in offsets(shapes)]
+        places = self._gradient_places(back.constants)
         places += [("g_segment", o) for o in offsets([layout.segments[i] for i in back.segments])]
         places += [("adj_out", layout.carry_places[i][1]) for i in layout.floating]
         places += [(place, piece.own[number].offset) for number, place in back.own]
-        return [
-            Output(node, place, offset)
-            for node, (place, offset) in zip(found, places, strict=True)
-            if node.size
-        ]
+        outputs = []
+        for node, (place, offset) in zip(found, places, strict=True):
+            parts = _parts(g, node) if place == SUMS else [(node, 0)]
+            outputs += [Output(part, place, offset + start) for part, start in parts if part.size]
+        return outputs
 
-    def sizes(self, back: Back) -> tuple[int, int]:
-        """How many numbers of constants and of segments have gradients."""
-        constants = (self.layout.constants[i].shape for i in back.constants)
+    def _gradient_places(self, chosen: Sequence[int]) -> list[tuple[str, int]]:
+        """Where the gradients of constants go: g_constant or g_shared, and the offset."""
+        places, ends = [], {"constant": 0, "shared": 0}
+        for leaf in (self.layout.constants[i] for i in chosen):
+            places.append((f"g_{leaf.place}", ends[leaf.place]))
+            ends[leaf.place] += math.prod(leaf.shape)
+        return places
+
+    def sizes(self, back: Back) -> tuple[int, int, int]:
+        """How many numbers of constants, of segments and of shared constants have gradients."""
+        ends = {"constant": 0, "shared": 0}
+        for leaf in (self.layout.constants[i] for i in back.constants):
+            ends[leaf.place] += math.prod(leaf.shape)
         segments = (self.layout.segments[i] for i in back.segments)
-        return sum(map(math.prod, constants)), sum(map(math.prod, segments))
+        return ends["constant"], sum(map(math.prod, segments)), ends["shared"]
 
-    def constant_columns(self, chosen: Sequence[int]) -> Tensor:
-        """Columns of the array of constants that the chosen ones take."""
+    def constant_columns(self, chosen: Sequence[int], place: str = "constant") -> Tensor:
+        """Columns of the array of constants, or of shared ones, that the chosen ones take."""
         layout = self.layout
-        return _columns((layout.constant_places[i][1], layout.constants[i].shape) for i in chosen)
+        return _columns(
+            (layout.constant_places[i][1], layout.constants[i].shape)
+            for i in chosen
+            if layout.constants[i].place == place
+        )
 
     def segment_columns(self, chosen: Sequence[int]) -> Tensor:
         """Columns of the array of segments that the chosen ones take."""
@@ -195,6 +211,16 @@ def carried(layout: Layout, chosen: Sequence[int] | None = None) -> tuple[Result
     )
 
 
+def _parts(g: Graph, x: Node) -> list[tuple[Node, int]]:
+    """The rows that a gradient is made of, and where each begins; none that are zero."""
+    if not x.shape:
+        return [(x, 0)]
+    edges = [0, *sorted(cuts(g, x).get(0, ())), x.shape[0]]
+    row = math.prod(x.shape[1:])
+    parts = [(narrow(g, x, 0, a, b - a), a * row) for a, b in pairwise(edges)]
+    return [(part, start) for part, start in parts if number_of(part) != 0]
+
+
 def _operations(made: GraphModule) -> list[str]:
     """`mul` of aten.mul.Tensor, for each operation of a trace."""
     targets = [str(node.target) for node in made.graph.nodes if node.op == "call_function"]
@@ -207,7 +233,7 @@ def _examples(piece: Piece) -> list[Tensor]:
 
 
 def _own(g: Graph, piece: Piece) -> list[Node]:
-    kinds = {torch.float64: "f", torch.bool: "b"}
+    kinds = {g.real.dtype: "f", torch.bool: "b"}
     return [
         g.input(own.place, own.offset, own.example.shape, kinds.get(own.example.dtype, "i"))
         for own in piece.own

@@ -1,4 +1,4 @@
-"""The two learning experiments: short runs of all of them, and what they refuse."""
+"""Online regression: a short run of all variants, what is refused, what is measured."""
 
 import csv
 import json
@@ -7,51 +7,34 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from torch import nn
 
-from experiments import online_regression, recall
-from experiments.learning.online_learners import draw_stream
+from experiments import online_regression
+from experiments.learning.online_learners import samples
 from experiments.learning.online_measures import measured
-from experiments.learning.recall_models import (
-    Recurrent,
-    build_model,
-    n_parameters,
-    sequences,
-    without_keys,
-)
 from experiments.learning.report import Measure, compare, verdict
-from experiments.settings.memory_config import (
-    LEARNERS,
-    RECALLERS,
-    OnlineRegressionConfig,
-    RecallConfig,
-)
+from experiments.sequence_tasks.streams import draw_stream
+from experiments.settings.memory_config import LEARNERS, OnlineRegressionConfig
 from tests.experiments.command import exit_code, logged
 
-SHORT_REGRESSION = ["visit_length=1", "visits=2", "window=0.5", "dt=0.05", "seeds=2", "workers=1"]
-SHORT_REGRESSION += ["rates=[1,2]"]
-SHORT_RECALL = ["iterations=50", "longer=1", "seeds=2", "workers=1", "batch=2", "n_pairs=2"]
+SHORT = ["visit_length=1", "visits=2", "window=0.5", "dt=0.05", "seeds=2", "workers=1"]
+SHORT += ["rates=[1,2]"]
 
 
-@pytest.mark.parametrize(
-    ("module", "short", "variants"),
-    [(online_regression, SHORT_REGRESSION, LEARNERS), (recall, SHORT_RECALL, RECALLERS)],
-)
-def test_a_short_run_writes_everything(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: object, short: list[str], variants: str
-) -> None:
+def test_a_short_run_writes_everything(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "run"
-    assert exit_code(monkeypatch, module.main, *short, "member=1", f"run_dir={folder}") == 0
+    assert (
+        exit_code(monkeypatch, online_regression.main, *SHORT, "member=1", f"run_dir={folder}") == 0
+    )
     with open(folder / "table.csv") as file:
         rows = list(csv.DictReader(file))
-    assert {row["variant"] for row in rows} == set(variants)
+    assert {row["variant"] for row in rows} == set(LEARNERS)
     metrics = json.loads((folder / "metrics.json").read_text())
-    assert len(metrics["table"]) == len(variants)
+    assert len(metrics["table"]) == len(LEARNERS)
     assert metrics["command"] in (folder / "report.md").read_text()
     assert (folder / "memory.png").exists() and (folder / "config.yaml").exists()
     with np.load(folder / "arrays.npz") as arrays:
-        assert arrays["soft/accuracy" if module is recall else "soft/steady"].shape == (2,)
+        assert arrays["soft/steady"].shape == (2,)
         for variant in ("soft", "hard"):
             weights = arrays[f"{variant}/weights"]
             np.testing.assert_allclose(weights.sum(-1), 1.0, atol=1e-12)
@@ -59,92 +42,47 @@ def test_a_short_run_writes_everything(
             assert len(arrays[f"{variant}/reallocation_step"]) == 0
     log = logged(folder)
     assert "memory" in log.Tags()["images"]
-    assert {f"{v}/" for v in variants} == {
+    assert {f"{v}/" for v in LEARNERS} == {
         tag.split("/")[0] + "/" for tag in log.Tags()["scalars"] if tag.count("/") == 1
     }
-    assert exit_code(monkeypatch, module.main, *short, f"run_dir={folder}") == 2
+    assert exit_code(monkeypatch, online_regression.main, *SHORT, f"run_dir={folder}") == 2
 
 
 @pytest.mark.parametrize(
-    ("module", "bad", "said"),
+    ("bad", "said"),
     [
-        (online_regression, "variants=[tablet]", "unknown variant 'tablet'"),
-        (online_regression, "dt=0.5", "window"),
-        (online_regression, "rates=[nan]", "rates"),
-        (online_regression, "rates=[5,5]", "rates"),
-        (online_regression, "rates=[]", "rates"),
-        (online_regression, "visit_length=1e12", "samples"),
-        (online_regression, "visits=1", "visits"),
-        (online_regression, "seed=99999999999999999999", "seed"),
-        (online_regression, "run_dir=/proc/none", "/proc/none"),
-        (online_regression, "member=20", "member"),
-        (online_regression, "shift_threshold=-1", "shift_threshold"),
-        (recall, "variants=[]", "at least one"),
-        (recall, "n_pairs=9", "n_pairs"),
-        (recall, "rate=0", "rate"),
-        (recall, "n_keys=10000000000000", "n_keys"),
-        (recall, "seeds=99999999999999999999", "seeds"),
-        (recall, "iterations=49", "iterations"),
-        (recall, "workers=0", "workers"),
-        (recall, "+speed=1", "unknown setting 'speed'"),
+        ("variants=[tablet]", "unknown variant 'tablet'"),
+        ("dt=0.5", "window"),
+        ("rates=[nan]", "rates"),
+        ("rates=[5,5]", "rates"),
+        ("rates=[]", "rates"),
+        ("visit_length=1e12", "samples"),
+        ("visits=1", "visits"),
+        ("seed=99999999999999999999", "seed"),
+        ("run_dir=/proc/none", "/proc/none"),
+        ("member=20", "member"),
+        ("shift_threshold=-1", "shift_threshold"),
     ],
 )
 def test_bad_input_is_one_line_and_code_2(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
-    module: object,
     bad: str,
     said: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert exit_code(monkeypatch, module.main, bad) == 2
+    assert exit_code(monkeypatch, online_regression.main, bad) == 2
     message = capfd.readouterr().err
     assert said in message and len(message.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())
 
 
-def test_recall_has_one_right_answer_and_equal_parameters() -> None:
-    cfg = RecallConfig()
-    x, answer = sequences(cfg, 50, torch.Generator().manual_seed(0))
-    P, K = cfg.n_pairs, cfg.n_keys
-    for b in range(50):
-        shown = {int(row[:K].argmax()): int(row[K:-1].argmax()) for row in x[:P, b]}
-        assert len(shown) == P and bool((x[:P, b, -1] == 0).all())
-        asked = [int(row[:K].argmax()) for row in x[P:, b]]
-        assert [shown[key] for key in asked] == answer[:, b].tolist()
-        assert bool((x[P:, b, K:-1] == 0).all())
-    assert 1 / P < without_keys(answer) < 0.5
-    sizes = {v: n_parameters(build_model(cfg, v)) for v in RECALLERS}
-    cells = {sizes[v] for v in ("soft", "hard", "reallocating", "relaxed")}
-    assert len(cells) == 1
-    assert all(abs(size / max(cells) - 1) < 0.08 for size in sizes.values()), sizes
-
-
-def test_a_short_training_of_the_cell_beats_what_can_be_had_without_matching_keys() -> None:
-    cfg = RecallConfig(n_keys=3, n_values=2, n_pairs=2, n_slots=3, iterations=120)
-    found = recall.learn(cfg, "soft", 3)
-    answer = sequences(cfg, 2000, torch.Generator().manual_seed(0))[1]
-    assert found.accuracy > 0.95 > without_keys(answer)
-
-
-def test_sizes_of_the_others_are_the_nearest_to_the_cells() -> None:
-    for options in ({"n_slots": 300, "hidden_size": 4}, {"hidden_size": 1}, {}):
-        cfg = RecallConfig(**options)
-        target = n_parameters(build_model(cfg, "soft"))
-        for variant, kind in (("lstm", nn.LSTM), ("gru", nn.GRU)):
-            model = build_model(cfg, variant)
-            size, width = model.rnn.hidden_size, model.rnn.input_size
-            gap = abs(n_parameters(model) - target)
-            for other in {max(1, size - 1), size + 1}:
-                assert gap <= abs(n_parameters(Recurrent(kind, width, other, 8)) - target)
-
-
 def test_a_function_comes_back_as_it_was_and_differs_from_the_others() -> None:
-    cfg, generator = OnlineRegressionConfig(seeds=4), torch.Generator().manual_seed(0)
-    stream = draw_stream(cfg, generator)
+    generator = torch.Generator().manual_seed(0)
+    stream = draw_stream(4, 3, generator)
     for k in range(3):
-        inputs, answers, basis = stream.samples(k, 50, generator)
+        inputs, answers, basis = samples(stream, k, 50, generator)
         torch.testing.assert_close(stream.value(k, inputs[..., 0]), answers)
         torch.testing.assert_close(stream.value(k, inputs[..., 1]), inputs[..., 2])
         torch.testing.assert_close(basis[..., 2], inputs[..., 0] ** 2)

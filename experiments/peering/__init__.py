@@ -1,0 +1,1 @@
+"""The memory beside other sequence models of equal size."""

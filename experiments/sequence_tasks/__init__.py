@@ -1,0 +1,1 @@
+"""Tasks for sequence models: what is shown, what is asked, how it is judged."""
