@@ -24,6 +24,7 @@ from .features import (
     NetworkInputs,
     RadialBasis,
     Readouts,
+    ReadoutState,
     equal_parameter_hidden,
 )
 from .integral import IntegralAction
@@ -158,6 +159,7 @@ __all__ = [
     "Pid",
     "Projection",
     "RadialBasis",
+    "ReadoutState",
     "Readouts",
     "RobustGain",
     "Saturation",

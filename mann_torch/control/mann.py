@@ -44,7 +44,9 @@ class MannController(AdaptiveController):
 
     Paper: eqs. (clawrobotarm), (nnoutput), with the network `AdaptiveNetwork` of `n_hidden` neurons
     on x~ = [e de s ds dds], I = 5n. `network` and `inputs` put any feature network and any input
-    vector in their place. It drives n outputs whose values and rates are measured, by n inputs.
+    vector in their place, `readouts` slots of W beside it, judged by the torque that was applied:
+    what feedback had to add is what a readout lacked. It drives n outputs whose values and rates
+    are measured, by n inputs.
 
     Constants, by name: `error_gain` (Lambda), `base_gain` (K_v), `robust_gain` (k_v),
     `weight_bound` (Z_m), the network's `rate_W` (C_w), `rate_V` (C_v), `e_modification` (kappa),

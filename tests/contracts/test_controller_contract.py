@@ -53,6 +53,10 @@ CONTROLLERS_TO_CHECK: dict[str, Callable[[], control.Controller]] = {
     "mann, radial basis": lambda: mt.MannController(
         2, network=control.LinearNetwork(control.RadialBasis.scattered(10, 6, 3.0), 2)
     ),
+    "mann, readouts": lambda: mt.MannController(2, 6, readouts=control.Readouts(3)),
+    "mann, readouts and a memory": lambda: mt.MannController(
+        2, 6, mt.WorkingMemory(2, 6, mt.HardAttention()), readouts=control.Readouts(3)
+    ),
     "linear_feedback": lambda: control.LinearFeedback([[3.0, 2.0]], [[3.0]], 0.5),
     "linear_feedback, two inputs": lambda: control.LinearFeedback(
         [[3.0, 0.0, 2.0, 0.0], [0.0, 3.0, 0.0, 2.0]]
@@ -64,6 +68,10 @@ CONTROLLERS_TO_CHECK: dict[str, Callable[[], control.Controller]] = {
         integral=control.IntegralAction(0.3),
         saturation=control.MuModification(MODEL, INPUT, 0.5, 1.0, 0.1),
         labels=control.FilteredLabels([[0.0, 1.0], [0.0, 0.0]], INPUT, 5.0),
+    ),
+    "mrac, readouts": lambda: of_mrac(
+        labels=control.FilteredLabels([[0.0, 1.0], [0.0, 0.0]], INPUT, 5.0),
+        readouts=control.Readouts(2),
     ),
     "mrac, hedged": lambda: of_mrac(saturation=control.Hedging(MODEL, INPUT, 0.5)),
     "mrac, known limits": lambda: of_mrac(saturation=control.KnownLimits(0.5)),

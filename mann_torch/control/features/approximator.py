@@ -38,8 +38,9 @@ class Approximator(DesignModule):
 
     A controller holds one, feeds it x~, its error feedback r and the context of state keys, and
     keeps its state and mode among its own. `offers` are the fields of `Drive` that the controller
-    gives beyond regressor and error. Raises `ConfigError` where a law needs others, or where the
-    memory's N differs from the network's; `KindError`.
+    gives beyond regressor and error. `readouts` are slots of W, whose weights stand for the
+    memory's in telemetry where there is none. Raises `ConfigError` where a law or `readouts` need
+    others, or where the memory's N differs from the network's; `KindError`.
     """
 
     def __init__(

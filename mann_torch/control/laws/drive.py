@@ -27,9 +27,7 @@ class Drive(NamedTuple):
     error_norm: Tensor  # (...,) of the tracking error e
     excess: Tensor | None = None  # (..., m) sat(u) - u where the input is limited
     pair: Pair | None = None  # a regression that is measured
-    shortfall: Tensor | None = (
-        None  # (..., m) what feedback adds to u, as u = Phi' theta falls short
-    )
+    shortfall: Tensor | None = None  # (..., m) u - Phi' theta: what feedback had to add
     share: Tensor | None = None  # (...,) of all motion that gates let through, None: all
 
     @classmethod

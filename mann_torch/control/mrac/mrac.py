@@ -56,7 +56,8 @@ class Mrac(MatrixConstants, AdaptiveController):
     its state; e = x_m - x, and of a limited input x_m + e_d - x. W is moved by the network's law
     for phi and s. `error_gain` E is B'P with A'P + P A = -Q: `of_model` finds it. `network` is any
     with n + p inputs and m outputs, `memory` adds h_o; `robust`, `integral`, `saturation` and
-    `labels`, which measures the uncertainty for laws that learn from a `Pair`, are there if given.
+    `labels`, which measures the uncertainty for laws that learn from a `Pair`, are there if given;
+    with labels, `readouts` are slots of W that are judged by them.
 
     Constants: `error_gain` (m, n), `feedback` K_x (m, n), `feedforward` K_r (m, p),
     `error_feedback` K_e (m, n), each row by row, where they are given, and those of the parts.
