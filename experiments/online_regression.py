@@ -30,8 +30,6 @@ from .command.cli import command_line, reject_unknown, run_cli
 from .learning.figures import errors_over_time
 from .learning.online_learners import (
     BASELINES,
-    FINGERPRINT_TIME,
-    PRINTS,
     Learner,
     OnlineLearner,
     samples,
@@ -46,7 +44,7 @@ from .learning.report import (
 )
 from .runs.parts import all_parts, npz_parts
 from .runs.pictures import check_pictures
-from .sequence_tasks.streams import draw_stream
+from .sequence_tasks.streams import draw_stream, uniform
 from .settings.checks import check_between, check_positive, check_variants
 from .settings.machine import check_memory, check_workers
 from .settings.memory_config import LEARNERS, OnlineRegressionConfig
@@ -90,13 +88,15 @@ def checked(cfg: Any) -> OnlineRegressionConfig:
     check_between(plain, dict.fromkeys(("n_functions", "visits", "tuning_visits"), (2, 1000)))
     check_between(plain, dict.fromkeys(("n_hidden", "n_slots", "seeds"), (1, 10_000)))
     check_between(plain, {"member": (0, plain.seeds - 1), "seed": (0, 2**31)})
-    for name in ("visit_length", "dt", "write_gain", "key_rate", "initial_std", "window"):
+    positive = ("visit_length", "dt", "write_gain", "initial_std", "window")
+    for name in (*positive, "recall_time", "sharpness"):
         check_positive(name, getattr(plain, name))
     if not plain.rates or len(set(plain.rates)) < len(plain.rates):
         raise ConfigError(f"rates = {plain.rates}: name each once, at least one")
     for rate in plain.rates:
         check_positive("rates", rate)
-    number("shift_threshold", plain.shift_threshold, NONNEGATIVE)
+    for name in ("shift_threshold", "spread", "common"):
+        number(name, getattr(plain, name), NONNEGATIVE)
     if not plain.dt <= plain.window / 10 or not plain.window <= plain.visit_length / 2:
         raise ConfigError(f"window = {plain.window}: 10 dt or more, half of visit_length or less")
     visits = plain.n_functions * max(plain.visits, plain.tuning_visits)
@@ -136,21 +136,20 @@ def one_pass(
     generator, weights = (torch.Generator().manual_seed(int(seed >> 1)) for seed in seeds)
     stream = draw_stream(cfg.seeds, cfg.n_functions, generator)
     learner = OnlineLearner(cfg, variant, rate)
-    spread = torch.randn(cfg.seeds, cfg.n_slots, PRINTS, generator=generator, dtype=torch.float64)
     state = learner.start(cfg, weights)
-    state = learner.begin(state, samples(stream, 0, cfg.n_slots, generator)[0], 0.3 * spread)
     probes = [samples(stream, k, PROBES, generator) for k in range(cfg.n_functions)]
     per_visit = round(cfg.visit_length / cfg.dt)
     squared, probed, rows = [], [], []
-    prints = torch.zeros(cfg.seeds, PRINTS, dtype=torch.float64)
     for visit in range(cfg.n_functions * visits):
-        inputs, answers, basis = samples(stream, visit % cfg.n_functions, per_visit, generator)
+        inputs, answers = samples(stream, visit % cfg.n_functions, per_visit, generator)
+        if visit == 0:
+            state = learner.begin(state, uniform(weights, cfg.n_slots, *inputs.shape[1:]))
+        elif cfg.wiped:
+            state = learner.wiped(state)
         for step in range(per_visit):
-            looked, before = learner.look(state, inputs[step], prints, jump=True), state.cell
+            looked, before = learner.look(state, inputs[step], jump=True), state.cell
             error = answers[step] - looked.prediction
             state = learner.update(state, inputs[step], error, looked)
-            new = answers[step].unsqueeze(-1) * basis[step]
-            prints = prints + min(1.0, cfg.dt / FINGERPRINT_TIME) * (new - prints)
             squared.append(error.square())
             if looked.seen is not None and before is not None and state.cell is not None:
                 row = MemoryTrace.row(before, looked.seen, state.cell)
@@ -158,7 +157,7 @@ def one_pass(
         probed.append(torch.stack([_probe(learner, state, *probe) for probe in probes]))
         progress(1)
     errors = torch.stack(squared).reshape(-1, per_visit, cfg.seeds)
-    rms = torch.stack([answers for _, answers, _ in probes]).square().mean(dim=1).sqrt()
+    rms = torch.stack([answers for _, answers in probes]).square().mean(dim=1).sqrt()
     return Learnt(
         rate,
         measured(cfg, errors, torch.stack(probed), rms),
@@ -169,13 +168,10 @@ def one_pass(
     )
 
 
-def _probe(
-    learner: OnlineLearner, state: Learner, inputs: Tensor, answers: Tensor, basis: Tensor
-) -> Tensor:
-    """RMSE (B,) on a function's points, nothing learned; told which one by its fingerprint."""
-    prints = (answers.unsqueeze(-1) * basis).mean(dim=0).expand(len(inputs), -1, -1)
-    prediction = learner.look(state, inputs, prints, jump=False).prediction
-    return (answers - prediction).square().mean(dim=0).sqrt()
+def _probe(learner: OnlineLearner, state: Learner, inputs: Tensor, answers: Tensor) -> Tensor:
+    """RMSE (B,) on a function's points, nothing learned; of readouts, of the best slot."""
+    found = learner.held(state, inputs)  # (S, points, B)
+    return (answers - found).square().mean(dim=1).sqrt().amin(dim=0)
 
 
 def reported(cfg: OnlineRegressionConfig, found: Mapping[str, Learnt], wall_s: float) -> Report:
@@ -189,9 +185,9 @@ def reported(cfg: OnlineRegressionConfig, found: Mapping[str, Learnt], wall_s: f
         f"own RMS is {next(iter(found.values())).rms:.2f}. After a switch: the first "
         f"{cfg.window:g} s. Recovered: the error fell below half the function's RMS, and when; a "
         "visit without recovery counts whole. Before return, when left: on a function's points "
-        "just before it comes back, and when it was last left. Better, worse: paired by seed "
-        "against network (readouts: against network_fixed), at 95 %, not corrected for their "
-        f"number. Rate: the best of {', '.join(f'{rate:g}' for rate in cfg.rates)} after a switch, "
+        "just before it comes back, and when it was last left (of readouts: the best slot). "
+        "Better, worse: paired by seed against network, at 95 %, not corrected for their number. "
+        f"Rate: the best of {', '.join(f'{rate:g}' for rate in cfg.rates)} after a switch, "
         "on other streams."
     )
     visits = range(cfg.n_functions * cfg.visits)

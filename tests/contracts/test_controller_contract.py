@@ -46,6 +46,12 @@ def meta_adaptive(attention: Any = None, nominal: bool = False, **parts: Any) ->
     return control.MetaAdaptive(network, memory=memory, **known, **parts)
 
 
+def with_readouts(memory: Any = None) -> mt.MannController:
+    """Of small gains: else squared torques are so large that differences are of rounding."""
+    readouts = control.Readouts(3, recall_time=0.1)
+    return mt.MannController(2, 6, memory, base_gain=1.0, robust_gain=0.1, readouts=readouts)
+
+
 #: A new controller is one line here.
 CONTROLLERS_TO_CHECK: dict[str, Callable[[], control.Controller]] = {
     **{f"mann, {name}": of_paper(name) for name in CONTROLLERS},
@@ -53,9 +59,9 @@ CONTROLLERS_TO_CHECK: dict[str, Callable[[], control.Controller]] = {
     "mann, radial basis": lambda: mt.MannController(
         2, network=control.LinearNetwork(control.RadialBasis.scattered(10, 6, 3.0), 2)
     ),
-    "mann, readouts": lambda: mt.MannController(2, 6, readouts=control.Readouts(3)),
-    "mann, readouts and a memory": lambda: mt.MannController(
-        2, 6, mt.WorkingMemory(2, 6, mt.HardAttention()), readouts=control.Readouts(3)
+    "mann, readouts": with_readouts,
+    "mann, readouts and a memory": lambda: with_readouts(
+        mt.WorkingMemory(2, 6, mt.HardAttention())
     ),
     "linear_feedback": lambda: control.LinearFeedback([[3.0, 2.0]], [[3.0]], 0.5),
     "linear_feedback, two inputs": lambda: control.LinearFeedback(
