@@ -23,7 +23,7 @@ class OnlineRegressionConfig:
 
     variants: list[str] = field(default_factory=list)
     rates: list[float] = field(default_factory=list)  # C_w = C_v: each variant takes its best
-    tuning_visits: int = 2  # of each function, on streams of their own, to choose the rate
+    tuning_visits: int = 4  # of each function, on streams of their own, to choose the rate
     n_functions: int = 3  # K
     visits: int = 4  # of each function, in turn
     visit_length: float = 10.0  # [s]
