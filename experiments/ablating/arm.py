@@ -125,9 +125,8 @@ def run(cfg: AblationConfig, variant: str, progress: Callable[[int], object]) ->
 
     after = torch.stack([over(begin, begin + arm.window) for begin in begins])
     steady_s = min(STEADY, arm.visit_length)
-    steady = torch.stack(
-        [over(b + arm.visit_length - steady_s, b + arm.visit_length) for b in begins]
-    )
+    ends = [begin + arm.visit_length for begin in begins]
+    steady = torch.stack([over(end - steady_s, end) for end in ends])
     ok, known = found.status == int(Status.OK), arm.n_regimes
     measures = {
         "first_visit": after[1:known].mean(dim=0),
