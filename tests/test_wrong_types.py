@@ -43,7 +43,16 @@ SAID = {
 }
 #: What takes no arguments, is made by the library alone, or is an interface.
 PASSIVE = {
-    *("Attended", "CellState", "MemoryTrace", "NetworkState", "PlantState", "ArmParameters"),
+    *(
+        "Attended",
+        "CellState",
+        "Looked",
+        "Taken",
+        "MemoryTrace",
+        "NetworkState",
+        "PlantState",
+        "ArmParameters",
+    ),
     *("ArmCoefficients", "NoiseTable", "Score", "Slope", "Effort", "EventCounts", "Explanation"),
     *("Motion", "Outcome", "Trajectory", "Status", "Attention", "KeyRule", "Controller", "Plant"),
     *("Reference", "Solver", "Flow", "Aim", "Judge", "Sampler", "FeatureNetwork", "NetworkInputs"),

@@ -7,12 +7,15 @@ from ..registry import Registry
 from .attention import Attention
 from .cell import MemoryCell
 from .cell_state import Attended, CellState, Looked
+from .directions import Directions
 from .hard import HardAttention
+from .inertia import Inertia
 from .keys import KeyRule, RepresentationKeys, StateKeys
+from .layers import MemoryLayers
 from .reallocating import PHASES, ReallocatingAttention
 from .relaxed import RelaxedAttention
 from .relaxing import relaxed
-from .sequence import MemorySequence
+from .sequence import MemorySequence, Taken
 from .soft import SoftAttention
 from .stream import MemoryStream
 from .telemetry import MemoryTrace, reallocation_log
@@ -36,10 +39,13 @@ __all__ = [
     "Attended",
     "Attention",
     "CellState",
+    "Directions",
     "HardAttention",
+    "Inertia",
     "KeyRule",
     "Looked",
     "MemoryCell",
+    "MemoryLayers",
     "MemorySequence",
     "MemoryStream",
     "MemoryTrace",
@@ -48,6 +54,7 @@ __all__ = [
     "RepresentationKeys",
     "SoftAttention",
     "StateKeys",
+    "Taken",
     "WorkingMemory",
     "reallocation_log",
     "relaxed",

@@ -73,5 +73,6 @@ def run(
     found = march(job, *tensors)
     last = leaves_of(program.layout, found.state_f[0], found.last_k, batch)[1:]
     motion = found.motion.reshape((T, *batch, -1)).to(device)
-    hidden = motion[..., N:] if cell.inertia is not None else looked.hidden
-    return hidden, motion[..., :N], CellState(*(leaf.to(device) for leaf in last))
+    reads, *own = motion.split(N, dim=-1)
+    hidden = own[0] if own else looked.hidden
+    return hidden, reads, CellState(*(leaf.to(device) for leaf in last))

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import logging
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
+from torch.nn.utils.rnn import PackedSequence
 
 from ..checks import choice, flag, instance
 from ..errors import ConfigError, DtypeError, KernelError, ShapeError
 from .cell import MemoryCell
 from .cell_state import LOOKED_RANKS, RANKS, CellState, Looked
-from .checks import check_tensor, check_within, common_batch
+from .checks import check_tensor, check_within, common_batch, exactly
+from .lengths import Lengths, Padded, both, valid_steps
 from .steps import Marks, stepped
 from .telemetry import MemoryTrace
 
@@ -67,28 +69,46 @@ class MemorySequence(nn.Module):
 
     def forward(
         self,
-        x: Tensor,
+        x: Tensor | PackedSequence,
         state: CellState | None = None,
         dt: Tensor | None = None,
         *,
+        lengths: Lengths | None = None,
         reset: Tensor | None = None,
         valid: Tensor | None = None,
-    ) -> tuple[Tensor, CellState]:
+    ) -> tuple[Any, CellState]:
         """Outputs of every step and the last state; starts from `initial_state` if none is given.
 
-        `dt`, `reset` and `valid` are (T, ...), or (B, T) with `batch_first`, or (T,) for all alike.
-        `dt` gives every step its own length: samples at uneven times, or 0 where nothing is to be
-        written. Where `reset` (bool) is True the state begins anew before the step: an episode's
-        first. Where `valid` (bool) is False no step is taken: the state stays, bit for bit, and
-        the output is 0.
+        x may be a `PackedSequence`: outputs are one too then, as of `nn.LSTM`. `lengths` (B,) are
+        those of padded sequences: no step is taken beyond.
+
+        `dt`, `reset` and `valid` are (T, ...), or (B, T) with `batch_first` (not of packed ones),
+        or (T,) for all alike. `dt` gives every step its own length: samples at uneven times, or 0
+        where nothing is to be written. Where `reset` (bool) is True the state begins anew before
+        the step: an episode's first. Where `valid` (bool) is False no step is taken: the state
+        stays, bit for bit, and the output is 0.
 
         Raises `ShapeError`, `DtypeError`, for a sequence without a step too, and `ConfigError` or
         `KernelError` where the compiled engine is asked for and can't take it.
         """
+        if isinstance(x, PackedSequence):
+            if lengths is not None:
+                raise ConfigError("lengths: a packed sequence has its own")
+            padded = Padded.of(x)
+            own = MemorySequence(self.cell, engine=self.engine)
+            outputs, last = own(
+                padded.x, state, dt, lengths=padded.lengths, reset=reset, valid=valid
+            )
+            return padded.packed(outputs), last
         begun = self._begin(x, state, dt, reset, valid)
+        if lengths is not None:
+            within = valid_steps(lengths, len(begun.looked.hidden), begun.state.attended.shape)
+            begun = begun._replace(
+                marks=begun.marks._replace(valid=both(begun.marks.valid, within))
+            )
         hidden, reads, last, _ = self._run(begun)
         outputs = self.cell.shown(hidden, reads)
-        if valid is not None and begun.marks.valid is not None:
+        if begun.marks.valid is not None:
             outputs = torch.where(begun.marks.valid.unsqueeze(-1), outputs, 0.0)
         return outputs.transpose(0, 1) if self._swaps(x) else outputs, last
 
@@ -116,7 +136,8 @@ class MemorySequence(nn.Module):
         reason = obstacle(self.cell, self.cell.stepped, begun.looked.hidden.device)
         if reason is None:
             try:
-                found = marching.run(self.cell, *begun)
+                with exactly(begun.looked.hidden.device):
+                    found = marching.run(self.cell, *begun)
                 return _Run(*found, Taken("compiled", "the step was traced and compiled"))
             except (UntraceableError, KernelError) as error:
                 if self.engine == "compiled" and isinstance(error, KernelError):

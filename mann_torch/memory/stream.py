@@ -9,8 +9,11 @@ from torch import Tensor
 
 from ..checks import instance, sizes
 from ..errors import ConfigError, DtypeError, ShapeError
+from ..functional import pick
+from ..trees import map_tensors
 from .cell import MemoryCell
 from .cell_state import CellState
+from .checks import exactly
 
 
 class MemoryStream:
@@ -40,11 +43,12 @@ class MemoryStream:
         self.cell = instance("cell", cell, MemoryCell)
         self.batch_shape = sizes("batch_shape", batch_shape)
         try:
-            self._streamed = Streamed(cell, torch.Size(self.batch_shape))
+            with exactly(cell.slots.device):
+                self._streamed = Streamed(cell, torch.Size(self.batch_shape))
         except UntraceableError as error:
             raise ConfigError(f"a stream needs the compiled engine: {error}") from None
         self._shape = torch.Size((*self.batch_shape, cell.input_size))
-        self._size = self._streamed.size
+        self._flat = torch.Size((self._streamed.size,))
         self._dtype = cell.dtype
 
     def __call__(
@@ -56,8 +60,8 @@ class MemoryStream:
         """
         if x.__class__ is not Tensor or x.shape != self._shape or x.dtype != self._dtype:
             self._refuse("x", x, self._shape)
-        if state.__class__ is not Tensor or state.numel() != self._size:
-            self._refuse("state", state, torch.Size((self._size,)))
+        if state.__class__ is not Tensor or state.shape != self._flat or state.dtype != self._dtype:
+            self._refuse("state", state, self._flat)
         return self._streamed(x, state, dt)
 
     def _refuse(self, name: str, given: object, shape: torch.Size) -> None:
@@ -72,6 +76,20 @@ class MemoryStream:
         """The state before the first step."""
         return self.packed(self.cell.initial_state(self.batch_shape))
 
+    def begun(self, state: Tensor, reset: Tensor) -> Tensor:
+        """The state with samples that begin anew where `reset` (*batch_shape) bool says so.
+
+        Raises `KindError`, `ShapeError`, `DtypeError`.
+        """
+        mask = instance("reset", reset, Tensor)
+        if mask.dtype != torch.bool:
+            raise DtypeError(f"reset is {mask.dtype}: it is a mask of bool")
+        if mask.shape != torch.Size(self.batch_shape):
+            raise ShapeError(f"reset has shape {tuple(mask.shape)}, not {tuple(self.batch_shape)}")
+        with torch.no_grad():
+            fresh, held = self.cell.initial_state(self.batch_shape), self.unpacked(state)
+            return self.packed(map_tensors(lambda new, old: pick(mask, new, old), fresh, held))
+
     def packed(self, state: CellState) -> Tensor:
         """A cell's state as a stream's. Raises `KindError`, `ShapeError`, `DtypeError`."""
         found = self.cell.check_state(state)
@@ -83,5 +101,5 @@ class MemoryStream:
 
     def unpacked(self, state: Tensor) -> CellState:
         """A stream's state as a cell's. Raises `KindError`, `ShapeError`, `DtypeError`."""
-        self._refuse("state", state, torch.Size((self._size,)))
+        self._refuse("state", state, self._flat)
         return self._streamed.unpacked(state)

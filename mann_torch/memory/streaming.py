@@ -12,6 +12,7 @@ from ..compiled import Fingerprint, Single, UntraceableError, check_agreement, f
 from ..errors import DtypeError
 from .cell import MemoryCell
 from .cell_state import CellState
+from .checks import check_within
 from .programs import Held, Rows, job_of, leaves_of, obstacle, program_of
 
 
@@ -34,7 +35,7 @@ class StreamStep:
         with with_tensors(cell, dict(zip(self._names, constants, strict=True))):
             looked = cell.look(segments[0], segments[1])
             seen, state = cell.seen(looked, CellState(*carry[1:]))
-            return [cell.shown(looked.hidden, seen.read), *state]
+            return [cell.output_of(seen), *state]
 
 
 class Streamed:
@@ -111,6 +112,7 @@ class Streamed:
         if isinstance(dt, Tensor) and dt.dtype != self._cell.dtype:
             raise DtypeError(f"dt is {dt.dtype}, this stream takes {self._cell.dtype}")
         given = torch.as_tensor(dt, dtype=self._cell.dtype).detach()
+        check_within("dt", tuple(given.shape), tuple(self._batch))
         return given.expand(self._batch).reshape(-1, 1)
 
     def packed(self, state: CellState) -> Tensor:

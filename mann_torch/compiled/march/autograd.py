@@ -92,8 +92,11 @@ def _spread(like: Tensor, found: Tensor, columns: Callable[[], Tensor]) -> Tenso
     """Gradients of some columns, and zeros for the others."""
     if found.shape == like.shape:  # all of them are wanted
         return found
+    chosen, count = columns(), found.shape[-1]
+    if count and torch.equal(chosen, torch.arange(count)):  # the first ones: no need to look up
+        return torch.nn.functional.pad(found, (0, like.shape[-1] - count))
     full = torch.zeros_like(like)
-    full[..., columns()] = found
+    full[..., chosen] = found
     return full
 
 

@@ -78,8 +78,9 @@ class Marcher:
         count, groups = self._groups * lanes, self._groups
         f, k = layout.size("f"), layout.size("k")
         self._constants = to_lanes(constants, lanes).to(job.device)
-        self._turned = is_turned(layout)
-        own = segments.contiguous() if self._turned else to_lanes(segments, lanes)
+        #: Whether segments and outputs lie as rows, a sample each, not in lanes.
+        self.turned = is_turned(layout)
+        own = segments.contiguous() if self.turned else to_lanes(segments, lanes)
         self._segments = own.to(job.device)
         # A copy: the backward pass reads it again, after an optimizer's step perhaps.
         self._shared = shared.to(job.device, copy=True).contiguous()
@@ -229,7 +230,7 @@ class Marcher:
         P, Q, R = job.program.scope.sizes(Back(*job.wanted))
         adj = torch.zeros_like(self._f)
         found_c = adj.new_zeros(self._groups, P, lanes)
-        rows = (self.batch, Q) if self._turned else (self._groups, Q, lanes)
+        rows = (self.batch, Q) if self.turned else (self._groups, Q, lanes)
         found_s = adj.new_zeros(len(self._segments), *rows)
         sums = adj.new_zeros(self._groups, R, lanes)
         given = [None if g is None else g.contiguous().to(job.device) for g in (motion, state)]
@@ -239,7 +240,7 @@ class Marcher:
         run_in_pieces(blocks, size, lambda first, last: run(blocks - last, blocks - first))
         found = (from_lanes(x, self.batch).cpu() for x in (found_c, adj, sums))
         constants, first_carry, each = found
-        by_row = found_s if self._turned else from_lanes(found_s, self.batch)
+        by_row = found_s if self.turned else from_lanes(found_s, self.batch)
         return constants, by_row.cpu(), first_carry, each.sum(0)
 
     def last(self) -> tuple[Tensor, Tensor]:

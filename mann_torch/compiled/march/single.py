@@ -43,8 +43,9 @@ class Single:
 
     def __call__(self, before: Tensor) -> Tensor:
         """What is carried after a step from `before`, which stays as it is."""
-        after, table, segments = before.clone(), self._table, self.segments
-        if self._lanes > 1:
+        after = before.clone(memory_format=torch.contiguous_format)
+        table, segments = self._table, self.segments
+        if not self._marcher.turned and self._lanes > 1:
             segments = to_lanes(segments, self._lanes)
         place = after.data_ptr()
         table[_SEGMENTS] = segments.data_ptr()
