@@ -57,7 +57,7 @@ PASSIVE = {
     *("Motion", "Outcome", "Trajectory", "Status", "Attention", "KeyRule", "Controller", "Plant"),
     *("Reference", "Solver", "Flow", "Aim", "Judge", "Sampler", "FeatureNetwork", "NetworkInputs"),
     *("Law", "ReferenceModel", "Channel", "ControlOutput", "ReferenceSample", "Observation"),
-    *("Forces", "Outside", "Surroundings"),
+    *("Forces", "Outside", "Surroundings", "ReadoutState"),
     *("HardAttention", "SoftAttention", "RepresentationKeys"),
     *("Field", "Input", "Torque", "MechanicalPlant", "RowState", "MeasuredOutput"),
     *("SlotineLiArm", "SlotineLiParameters", "PlanarQuadrotor", "QuadrotorParameters"),
