@@ -7,46 +7,32 @@ from .command import early
 if __name__ == "__main__":
     early.begin("online_regression")
 
-import math
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-import torch
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
-from torch import Tensor
 
 from mann_torch import memory_figure
 from mann_torch.checks import NONNEGATIVE, number
 from mann_torch.errors import ConfigError
-from mann_torch.memory import MemoryTrace
-from mann_torch.trees import map_tensors
 
 from .command.cli import command_line, reject_unknown, run_cli
 from .learning.figures import errors_over_time
-from .learning.online_learners import (
-    BASELINES,
-    FINGERPRINT_TIME,
-    PRINTS,
-    Learner,
-    OnlineLearner,
-    samples,
-)
-from .learning.online_measures import MEASURES, after_each_switch, in_blocks, measured
+from .learning.online_learners import BASELINES
+from .learning.online_measures import MEASURES, in_blocks
+from .learning.online_passes import Learnt, learn
 from .learning.report import (
     Report,
     by_variant,
     compare,
     conclude,
-    member_arrays,
 )
 from .runs.parts import all_parts, npz_parts
 from .runs.pictures import check_pictures
-from .sequence_tasks.streams import draw_stream
 from .settings.checks import check_between, check_positive, check_variants
 from .settings.machine import check_memory, check_workers
 from .settings.memory_config import LEARNERS, OnlineRegressionConfig
@@ -54,26 +40,7 @@ from .settings.memory_config import LEARNERS, OnlineRegressionConfig
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PROBES = 64  # points of a forgetting test
-TEST, TUNING = 0, 1  # streams
 MOST_SAMPLES = 10**6  # of a pass
-
-
-@dataclass(frozen=True)
-class Learnt:
-    """One variant on all seeds' streams, at its best rate."""
-
-    rate: float
-    measures: dict[str, np.ndarray]  # (seeds,) each, over the visits that are returns
-    rmse: np.ndarray  # (visits, samples) over seeds
-    switches: np.ndarray  # (visits, seeds) RMSE after each switch
-    rms: float  # of the functions
-    trace: dict[str, np.ndarray]  # of seed `member`; empty without a memory
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """All of it by name."""
-        own = {"rate": np.array(self.rate), "rmse": self.rmse, "after_each_switch": self.switches}
-        return {**self.measures, **own, **self.trace}
 
 
 def main() -> None:
@@ -90,13 +57,15 @@ def checked(cfg: Any) -> OnlineRegressionConfig:
     check_between(plain, dict.fromkeys(("n_functions", "visits", "tuning_visits"), (2, 1000)))
     check_between(plain, dict.fromkeys(("n_hidden", "n_slots", "seeds"), (1, 10_000)))
     check_between(plain, {"member": (0, plain.seeds - 1), "seed": (0, 2**31)})
-    for name in ("visit_length", "dt", "write_gain", "key_rate", "initial_std", "window"):
+    positive = ("visit_length", "dt", "write_gain", "initial_std", "window")
+    for name in (*positive, "recall_time", "sharpness"):
         check_positive(name, getattr(plain, name))
     if not plain.rates or len(set(plain.rates)) < len(plain.rates):
         raise ConfigError(f"rates = {plain.rates}: name each once, at least one")
     for rate in plain.rates:
         check_positive("rates", rate)
-    number("shift_threshold", plain.shift_threshold, NONNEGATIVE)
+    for name in ("shift_threshold", "spread", "common"):
+        number(name, getattr(plain, name), NONNEGATIVE)
     if not plain.dt <= plain.window / 10 or not plain.window <= plain.visit_length / 2:
         raise ConfigError(f"window = {plain.window}: 10 dt or more, half of visit_length or less")
     visits = plain.n_functions * max(plain.visits, plain.tuning_visits)
@@ -106,76 +75,6 @@ def checked(cfg: Any) -> OnlineRegressionConfig:
     kept = plain.seeds * (plain.n_slots * plain.n_hidden + visits * plain.visit_length / plain.dt)
     check_memory("seeds, samples and sizes", 16 * kept * min(plain.workers, len(plain.variants)))
     return plain
-
-
-def learn(
-    cfg: OnlineRegressionConfig, variant: str, progress: Callable[[int], object] = lambda n: None
-) -> Learnt:
-    """Choose the variant's rate on streams of their own, then take it to the test's."""
-    torch.set_num_threads(1)  # the tensors are small
-    scores = []
-    for rate in cfg.rates if len(cfg.rates) > 1 else ():
-        tried = one_pass(cfg, variant, rate, TUNING, cfg.tuning_visits, progress)
-        score = float(tried.measures["after_switch"].mean())
-        scores.append(score if math.isfinite(score) else math.inf)
-    best = cfg.rates[int(np.argmin(scores))] if scores else cfg.rates[0]
-    return one_pass(cfg, variant, best, TEST, cfg.visits, progress)
-
-
-@torch.inference_mode()
-def one_pass(
-    cfg: OnlineRegressionConfig,
-    variant: str,
-    rate: float,
-    streams: int,
-    visits: int,
-    progress: Callable[[int], object],
-) -> Learnt:
-    """One pass over the streams; the draws are the same for every variant and rate."""
-    seeds = np.random.SeedSequence([cfg.seed, streams]).generate_state(2, np.uint64)
-    generator, weights = (torch.Generator().manual_seed(int(seed >> 1)) for seed in seeds)
-    stream = draw_stream(cfg.seeds, cfg.n_functions, generator)
-    learner = OnlineLearner(cfg, variant, rate)
-    spread = torch.randn(cfg.seeds, cfg.n_slots, PRINTS, generator=generator, dtype=torch.float64)
-    state = learner.start(cfg, weights)
-    state = learner.begin(state, samples(stream, 0, cfg.n_slots, generator)[0], 0.3 * spread)
-    probes = [samples(stream, k, PROBES, generator) for k in range(cfg.n_functions)]
-    per_visit = round(cfg.visit_length / cfg.dt)
-    squared, probed, rows = [], [], []
-    prints = torch.zeros(cfg.seeds, PRINTS, dtype=torch.float64)
-    for visit in range(cfg.n_functions * visits):
-        inputs, answers, basis = samples(stream, visit % cfg.n_functions, per_visit, generator)
-        for step in range(per_visit):
-            looked, before = learner.look(state, inputs[step], prints, jump=True), state.cell
-            error = answers[step] - looked.prediction
-            state = learner.update(state, inputs[step], error, looked)
-            new = answers[step].unsqueeze(-1) * basis[step]
-            prints = prints + min(1.0, cfg.dt / FINGERPRINT_TIME) * (new - prints)
-            squared.append(error.square())
-            if looked.seen is not None and before is not None and state.cell is not None:
-                row = MemoryTrace.row(before, looked.seen, state.cell)
-                rows.append(map_tensors(lambda leaf: leaf[cfg.member].clone(), row))
-        probed.append(torch.stack([_probe(learner, state, *probe) for probe in probes]))
-        progress(1)
-    errors = torch.stack(squared).reshape(-1, per_visit, cfg.seeds)
-    rms = torch.stack([answers for _, answers, _ in probes]).square().mean(dim=1).sqrt()
-    return Learnt(
-        rate,
-        measured(cfg, errors, torch.stack(probed), rms),
-        errors.mean(dim=-1).sqrt().numpy(),
-        after_each_switch(cfg, errors),
-        float(rms.square().mean().sqrt()),
-        member_arrays(MemoryTrace.stack(rows)) if rows else {},
-    )
-
-
-def _probe(
-    learner: OnlineLearner, state: Learner, inputs: Tensor, answers: Tensor, basis: Tensor
-) -> Tensor:
-    """RMSE (B,) on a function's points, nothing learned; told which one by its fingerprint."""
-    prints = (answers.unsqueeze(-1) * basis).mean(dim=0).expand(len(inputs), -1, -1)
-    prediction = learner.look(state, inputs, prints, jump=False).prediction
-    return (answers - prediction).square().mean(dim=0).sqrt()
 
 
 def reported(cfg: OnlineRegressionConfig, found: Mapping[str, Learnt], wall_s: float) -> Report:
@@ -189,9 +88,9 @@ def reported(cfg: OnlineRegressionConfig, found: Mapping[str, Learnt], wall_s: f
         f"own RMS is {next(iter(found.values())).rms:.2f}. After a switch: the first "
         f"{cfg.window:g} s. Recovered: the error fell below half the function's RMS, and when; a "
         "visit without recovery counts whole. Before return, when left: on a function's points "
-        "just before it comes back, and when it was last left. Better, worse: paired by seed "
-        "against network (readouts: against network_fixed), at 95 %, not corrected for their "
-        f"number. Rate: the best of {', '.join(f'{rate:g}' for rate in cfg.rates)} after a switch, "
+        "just before it comes back, and when it was last left (of readouts: the best slot). "
+        "Better, worse: paired by seed against network, at 95 %, not corrected for their number. "
+        f"Rate: the best of {', '.join(f'{rate:g}' for rate in cfg.rates)} after a switch, "
         "on other streams."
     )
     visits = range(cfg.n_functions * cfg.visits)

@@ -162,6 +162,7 @@ class ControllerState(NamedTuple):
     network: Any
     memory: MemoryState | None
     laws: Any = None  # what the laws of the weights keep
+    readouts: Any = None  # what the slots of readouts hold
 
 
 class ControlSignals(NamedTuple):

@@ -119,7 +119,7 @@ ROOMS = (
     ("building", "sequence_tasks"),
     ("reproduction", "gradients", "tuning", "learning"),
     ("problems", "problem_tuning", "returns", "peering"),
-    ("benchmarking",),
+    ("benchmarking", "ablating"),
 )
 
 

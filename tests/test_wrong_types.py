@@ -43,12 +43,21 @@ SAID = {
 }
 #: What takes no arguments, is made by the library alone, or is an interface.
 PASSIVE = {
-    *("Attended", "CellState", "MemoryTrace", "NetworkState", "PlantState", "ArmParameters"),
+    *(
+        "Attended",
+        "CellState",
+        "Looked",
+        "Taken",
+        "MemoryTrace",
+        "NetworkState",
+        "PlantState",
+        "ArmParameters",
+    ),
     *("ArmCoefficients", "NoiseTable", "Score", "Slope", "Effort", "EventCounts", "Explanation"),
     *("Motion", "Outcome", "Trajectory", "Status", "Attention", "KeyRule", "Controller", "Plant"),
     *("Reference", "Solver", "Flow", "Aim", "Judge", "Sampler", "FeatureNetwork", "NetworkInputs"),
     *("Law", "ReferenceModel", "Channel", "ControlOutput", "ReferenceSample", "Observation"),
-    *("Forces", "Outside", "Surroundings"),
+    *("Forces", "Outside", "Surroundings", "ReadoutState"),
     *("HardAttention", "SoftAttention", "RepresentationKeys"),
     *("Field", "Input", "Torque", "MechanicalPlant", "RowState", "MeasuredOutput"),
     *("SlotineLiArm", "SlotineLiParameters", "PlanarQuadrotor", "QuadrotorParameters"),

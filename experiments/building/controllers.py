@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from mann_torch import MannController
-from mann_torch.control import Controller
+from mann_torch.control import Controller, Readouts
 from mann_torch.errors import ConfigError
 from mann_torch.memory import ReallocatingAttention, StateKeys, WorkingMemory
 from mann_torch.plants import Plant
@@ -22,7 +22,7 @@ from .laws import build_law
 from .made import arguments, mapping, unknown
 from .memories import attention_takes, build_memory
 from .networks import build_network
-from .other_controllers import build_other
+from .other_controllers import build_other, nested
 
 
 def build_controller(cfg: LoopConfig, plant: Plant) -> Controller:
@@ -38,14 +38,17 @@ def build_controller(cfg: LoopConfig, plant: Plant) -> Controller:
         raise ConfigError("law: the paper's network has its own; choose a network, or law=null")
     n_hidden = sizes["n_hidden"] if network is None else network.n_hidden
     given = arguments("controller", mapping("controller", cfg.controller), OF_MANN)
-    takes = attention_takes(settings)
+    takes = [*attention_takes(settings), "readouts"]
     for name in given:
         if name not in takes:
             raise unknown("controller", name, "a controller of this kind", [*OF_MANN, *takes])
     memory = build_memory(cfg, settings, given, n_hidden, n)
+    readouts = given.get("readouts")
+    if readouts is not None:
+        readouts = nested("controller.readouts", Readouts, readouts)
     if network is not None:
-        return MannController(n, memory=memory, network=network)
-    return MannController(n, n_hidden, memory, initial_std=cfg.initial.std)
+        return MannController(n, memory=memory, network=network, readouts=readouts)
+    return MannController(n, n_hidden, memory, initial_std=cfg.initial.std, readouts=readouts)
 
 
 @functools.cache

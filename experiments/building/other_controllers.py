@@ -12,6 +12,7 @@ from mann_torch.control import (
     BoundaryLayer,
     Controller,
     IntegralAction,
+    Readouts,
 )
 from mann_torch.errors import ConfigError
 from mann_torch.plants import MechanicalPlant, Plant
@@ -31,6 +32,7 @@ NESTED: dict[str, Any] = {
     "integral": IntegralAction,
     "saturation": SATURATIONS,
     "labels": LABELS,
+    "readouts": Readouts,
 }
 #: What a memory is told, within `controller`.
 _OF_MEMORY = ("attention", "phase")
@@ -54,7 +56,7 @@ def build_other(cfg: LoopConfig, plant: Plant) -> Controller:
     given = arguments(where, mapping(where, cfg.controller))
     for key, of in NESTED.items():
         if key in takes and isinstance(given.get(key), Mapping):
-            given[key] = _part(f"{where}.{key}", of, given[key])
+            given[key] = nested(f"{where}.{key}", of, given[key])
     supplied = _of_plant(cfg, plant, takes, given)
     law = build_law("law", cfg.law)
     if "network" in takes:
@@ -65,7 +67,7 @@ def build_other(cfg: LoopConfig, plant: Plant) -> Controller:
     return controller
 
 
-def _part(where: str, of: Any, node: Any) -> Any:
+def nested(where: str, of: Any, node: Any) -> Any:
     """A part of a controller, from arguments, or a name and arguments."""
     settings = mapping(where, node)
     kind = kind_of(where, of, settings)[1] if isinstance(of, Registry) else of

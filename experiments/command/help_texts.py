@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from ..settings.ablation_config import TABLES as ABLATIONS
 from ..settings.benchmarks_config import BENCHMARKS
 from ..settings.memory_config import LEARNERS
 from ..settings.peers_config import PEERS, TASKS
@@ -92,6 +93,16 @@ HELP = {
             "longer": "tasks=[copy] copy.iterations=3000 rates.lstm=0.01",
         },
         choices=lambda: {"tasks": TASKS, "variants": PEERS},
+    ),
+    "ablation": Help(
+        "What each part of the memory is worth, where it pays: online regression, an arm whose "
+        "payloads return, recall by backpropagation; a table each.",
+        {
+            "one table": "tables=[arm]",
+            "fewer": "tables=[online] online.variants=[plain,readouts_5]",
+            "faster law": "tables=[arm] arm.rate=100",
+        },
+        choices=lambda: {"tables": ABLATIONS},
     ),
     "benchmarks": Help(
         "Problems with known answers: published or closed form beside ours, a verdict for every "

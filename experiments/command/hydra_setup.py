@@ -10,6 +10,7 @@ from pathlib import Path
 from hydra.core.config_store import ConfigStore
 from omegaconf import OmegaConf
 
+from ..settings.ablation_config import AblationConfig
 from ..settings.benchmarks_config import BenchmarksConfig
 from ..settings.config import ReproduceConfig, SimulateConfig
 from ..settings.ensemble_config import EnsembleConfig
@@ -68,6 +69,7 @@ def register() -> None:
     store.store(name="base_online_regression", node=OnlineRegressionConfig)
     store.store(name="base_ensemble", node=EnsembleConfig)
     store.store(name="base_peers", node=PeersConfig)
+    store.store(name="base_ablation", node=AblationConfig)
     store.store(name="base_tune", node=TuneConfig)
     store.store(name="base_benchmarks", node=BenchmarksConfig)
     store.store(name="base_tune_problems", node=ProblemTuningConfig)

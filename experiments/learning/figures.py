@@ -12,7 +12,7 @@ from ..runs.figures import COLOURS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MORE_COLOURS = (*COLOURS, "tab:brown", "tab:gray", "tab:olive")
+MORE_COLOURS = (*COLOURS, "tab:brown", "tab:gray", "tab:olive", "tab:cyan", "tab:pink")
 
 
 def errors_over_time(

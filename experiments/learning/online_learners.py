@@ -9,40 +9,35 @@ import torch
 from torch import Tensor, nn
 
 import mann_torch as mt
-from mann_torch.control import AdaptiveNetwork, Drive
+from mann_torch.control import AdaptiveNetwork, Drive, Readouts, ReadoutState
 from mann_torch.functional import times_column
+from mann_torch.trees import map_tensors
 from mann_torch.types import NetworkState
 
 from ..sequence_tasks.streams import Stream, uniform
 from ..settings.memory_config import LEARNERS, OnlineRegressionConfig
 
-#: Powers of x whose averages with y tell functions apart; what state keys compare.
-PRINTS = 4
 #: The network's inputs: x now, and the sample before, x and y.
 N_INPUTS = 3
-FINGERPRINT_TIME = 0.2  # [s]
-#: These keep their inner weights V, so that readouts stay valid.
-FIXED = ("network_fixed", "readouts")
 #: Whom a variant is compared with.
-BASELINES = dict.fromkeys(LEARNERS[1:], "network") | {"readouts": "network_fixed"}
+BASELINES = dict.fromkeys(LEARNERS[1:], "network")
 
 
 def samples(
     stream: Stream, k: int, count: int, generator: torch.Generator
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Network inputs (count, B, 3), answers (count, B) and prints' basis (count, B, 4)."""
+) -> tuple[Tensor, Tensor]:
+    """Network inputs (count, B, 3) and answers (count, B)."""
     x = uniform(generator, count + 1, stream.phase.shape[0])
     y = stream.value(k, x)
-    inputs = torch.stack([x[1:], x[:-1], y[:-1]], dim=-1)
-    basis = torch.stack([x[1:] ** power for power in range(PRINTS)], dim=-1)
-    return inputs, y[1:], basis
+    return torch.stack([x[1:], x[:-1], y[:-1]], dim=-1), y[1:]
 
 
 class Learner(NamedTuple):
     """State of a batch of learners."""
 
     network: NetworkState
-    cell: mt.CellState | None
+    cell: mt.CellState | None = None
+    readouts: ReadoutState | None = None
 
 
 class Looked(NamedTuple):
@@ -55,9 +50,8 @@ class Looked(NamedTuple):
 class OnlineLearner(nn.Module):
     """The paper's network and update law, f^ = W'(sigma + h_o) + b_w, with or without a memory.
 
-    `readouts` is a use of our own: slots hold [W; b_w] of a function each, found again by state
-    keys that compare averages of y x^p; the update of W goes to the attended slot as the write
-    law's correction. V is fixed, and so it is in `network_fixed`, its fair comparison.
+    `readouts` are slots of [W; b_w], moved by the same law and attended by their own errors
+    (`mann_torch.control.Readouts`): y is the answer.
     """
 
     def __init__(self, cfg: OnlineRegressionConfig, variant: str, rate: float) -> None:
@@ -65,113 +59,110 @@ class OnlineLearner(nn.Module):
         n_hidden = cfg.n_hidden
         if variant == "network_matched":
             n_hidden = mt.equal_parameter_hidden(N_INPUTS, 1, cfg.n_hidden, cfg.n_slots)
-        self.variant, self.dt = variant, cfg.dt
+        self.dt = cfg.dt
         self.network = AdaptiveNetwork(
-            N_INPUTS,
-            n_hidden,
-            1,
-            rate_W=rate,
-            rate_V=0.0 if variant in FIXED else rate,
-            initial_std=cfg.initial_std,
+            N_INPUTS, n_hidden, 1, rate_W=rate, rate_V=rate, initial_std=cfg.initial_std
         )
         self.cell: mt.MemoryCell | None = None
+        self.readouts: Readouts | None = None
+        if variant == "readouts":
+            self.readouts = Readouts(
+                cfg.n_slots, cfg.recall_time, cfg.sharpness, cfg.spread, cfg.common
+            )
         attentions: dict[str, Callable[[], mt.Attention]] = {
             "soft": mt.SoftAttention,
             "hard": mt.HardAttention,
-            "readouts": mt.HardAttention,
             "reallocating_initial": lambda: mt.ReallocatingAttention(
                 "initial", cfg.shift_threshold
             ),
             "reallocating_always": lambda: mt.ReallocatingAttention("always", cfg.shift_threshold),
         }
         if variant in attentions:
-            width = n_hidden + (variant == "readouts")
-            rule = mt.StateKeys(cfg.key_rate) if variant == "readouts" else None
             self.cell = mt.MemoryCell.paper(
-                width + PRINTS,
-                width,
+                n_hidden,
+                n_hidden,
                 cfg.n_slots,
                 attentions[variant](),
-                rule,
-                context_size=PRINTS,
-                features=Part(0, width),
+                features=nn.Identity(),
                 dt=cfg.dt,
                 write_gain=cfg.write_gain,
                 dtype=torch.float64,
             )
-            self.cell.context = Part(width, width + PRINTS)
 
     def start(self, cfg: OnlineRegressionConfig, generator: torch.Generator) -> Learner:
         """Weights for every seed; a memory that starts as its first sample sets it."""
-        network = self.network.initial_state((cfg.seeds,), generator)
-        return Learner(network, None)
+        return Learner(self.network.initial_state((cfg.seeds,), generator))
 
-    def look(self, learner: Learner, inputs: Tensor, prints: Tensor, jump: bool) -> Looked:
-        """Predict (..., B) at inputs (..., B, 3) and fingerprints (..., B, 4)."""
-        hidden = self.network.features(inputs, learner.network).hidden
-        if self.cell is None or learner.cell is None:
-            return Looked(self.network.output(hidden, learner.network).squeeze(-1), None)
-        seen = None
-        x = self._cell_input(hidden, prints)
-        if jump:
-            seen = self.cell.attend(x, learner.cell)
-            read = seen.read
-        else:
-            read = self.cell.flow(x, learner.cell).read
-        if self.variant == "readouts":
-            return Looked((read[..., :-1] * hidden).sum(-1) + read[..., -1], seen)
-        return Looked(self.network.output(hidden + read, learner.network).squeeze(-1), seen)
-
-    def begin(self, learner: Learner, inputs: Tensor, spread: Tensor) -> Learner:
-        """The memory's start: c_w sigma of S inputs (S, B, 3), as equal slots would stay equal.
-
-        Of readouts: zeros, with keys `spread` (B, S, 4).
-        """
+    def begin(self, learner: Learner, inputs: Tensor) -> Learner:
+        """The memory's start: c_w sigma of S inputs (S, B, 3), as equal slots would stay equal."""
         if self.cell is None:
-            return learner
+            return self.wiped(learner)
         hidden = self.network.features(inputs, learner.network).hidden
-        state = self.cell.initial_state(spread.shape[:1])
-        if self.variant == "readouts":
-            return learner._replace(cell=state._replace(mu=torch.zeros_like(state.mu), keys=spread))
+        state = self.cell.initial_state(inputs.shape[1:2])
         gain = self.cell.memory.write_gain
         return learner._replace(cell=state._replace(mu=gain * hidden.transpose(0, 1)))
 
+    def wiped(self, learner: Learner) -> Learner:
+        """Readouts as they start, about their mean: nothing of them is left but that."""
+        if self.readouts is None:
+            return learner
+        network, batch = learner.network, learner.network.W.shape[:1]
+        if learner.readouts is not None:
+            held = learner.readouts.held
+            mean = {name: getattr(held, name).mean(dim=1) for name in self.network.outer}
+            moved = {name: getattr(network, name) + value for name, value in mean.items()}
+            network = network._replace(**moved)
+        fresh = self.readouts.initial_state(self.network, network, batch)
+        return learner._replace(network=network, readouts=fresh)
+
+    def look(self, learner: Learner, inputs: Tensor, jump: bool) -> Looked:
+        """Predict (..., B) at inputs (..., B, 3)."""
+        network = self._in_force(learner)
+        hidden, seen = self.network.features(inputs, network).hidden, None
+        if self.cell is not None and learner.cell is not None:
+            seen = self.cell.attend(hidden, learner.cell) if jump else None
+            read = self.cell.flow(hidden, learner.cell).read if seen is None else seen.read
+            hidden = hidden + read
+        return Looked(self.network.output(hidden, network).squeeze(-1), seen)
+
+    def held(self, learner: Learner, inputs: Tensor) -> Tensor:
+        """What each readout says (S, ..., B) at inputs (..., B, 3); of all others S = 1."""
+        network, readouts = learner.network, learner.readouts
+        if readouts is None:
+            return self.look(learner, inputs, jump=False).prediction.unsqueeze(0)
+        hidden = self.network.features(inputs, network).hidden
+        found = []
+        for i in range(readouts.misses.shape[-1]):
+            own = {n: getattr(network, n) + getattr(readouts.held, n)[:, i] for n in network._fields
+                   if n in self.network.outer}  # fmt: skip
+            found.append(self.network.output(hidden, network._replace(**own)).squeeze(-1))
+        return torch.stack(found)
+
     def update(self, learner: Learner, inputs: Tensor, error: Tensor, looked: Looked) -> Learner:
         """The paper's update law, one Euler step, and the write law, one exact step."""
-        network, seen = learner.network, looked.seen
-        features = self.network.features(inputs, network)
-        if self.variant in FIXED:  # the law of W alone: sigma e, without V's share
-            features = features._replace(slope=torch.zeros_like(features.slope))
-        e = error.unsqueeze(-1)
-        if self.variant == "readouts" and seen is not None:
-            outer = seen.read.unsqueeze(-1)
-            network = network._replace(W=outer[..., :-1, :], b_w=outer[..., -1, :])
+        network, seen = self._in_force(learner), looked.seen
+        features, e = self.network.features(inputs, network), error.unsqueeze(-1)
         correction = times_column(network.W, e)
-        drive = Drive.of_features(features.hidden, e, error.abs())
+        drive = Drive.of_features(features.hidden, e, error.abs(), shortfall=e)
         change, _ = self.network.derivative(
             inputs, features, drive, correction, network, None, None
         )
-        cell = learner.cell
+        cell, readouts = learner.cell, learner.readouts
         if self.cell is not None and seen is not None:
-            if self.variant == "readouts":
-                moved = torch.cat([change.W.squeeze(-1), change.b_w], dim=-1)
-                correction = seen.read - self.cell.memory.write_gain * seen.hidden + moved
             cell = self.cell.write(seen, correction)
-        after = (old + self.dt * rate for old, rate in zip(network, change, strict=True))
-        return Learner(NetworkState(*after), cell)
+        if self.readouts is not None and readouts is not None:
+            output = self.network.output(features.hidden, network)
+            change, rates = self.readouts.rates(
+                self.network, learner.network, change, features.hidden, output, drive, readouts
+            )
+            readouts = map_tensors(self._stepped, readouts, rates)
+        return Learner(map_tensors(self._stepped, learner.network, change), cell, readouts)
 
-    def _cell_input(self, hidden: Tensor, prints: Tensor) -> Tensor:
-        one = [torch.ones_like(hidden[..., :1])] if self.variant == "readouts" else []
-        return torch.cat([hidden, *one, prints], dim=-1)
+    def _stepped(self, old: Tensor, rate: Tensor) -> Tensor:
+        return old + self.dt * rate
 
-
-class Part(nn.Module):
-    """Some of the numbers of x (..., I)."""
-
-    def __init__(self, first: int, end: int) -> None:
-        super().__init__()
-        self.first, self.end = first, end
-
-    def forward(self, x: Tensor) -> Tensor:
-        """x[first:end] (..., end - first)."""
-        return x[..., self.first : self.end]
+    def _in_force(self, learner: Learner) -> NetworkState:
+        if self.readouts is None or learner.readouts is None:
+            return learner.network
+        blend: NetworkState = self.readouts.blended(self.network, learner.network, learner.readouts)
+        return blend

@@ -143,6 +143,17 @@ def _learning(record: Mapping[str, Any]) -> Measured:
     return found
 
 
+def _ablation(record: Mapping[str, Any]) -> Measured:
+    """Every measure of every variant of every table, over seeds."""
+    found = {}
+    for row in record["table"]:
+        half = row["value_half"]
+        spread = float("nan") if half is None else float(half)
+        name = f"{row['measure']}_{row['task']}_{row['variant']}"
+        found[name] = Interval(_one(row["value"]).mean, spread)
+    return found
+
+
 READERS: dict[str, Callable[[Mapping[str, Any]], Measured]] = {
     "simulate": _simulate,
     "ensemble": _ensemble,
@@ -151,6 +162,7 @@ READERS: dict[str, Callable[[Mapping[str, Any]], Measured]] = {
     "reproduce": _reproduce,
     "benchmarks": _benchmarks,
     "peers": _learning,
+    "ablation": _ablation,
     "online_regression": _learning,
     "tune_problems": _learning,
     "returning": _learning,

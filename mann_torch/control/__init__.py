@@ -23,6 +23,8 @@ from .features import (
     Measured,
     NetworkInputs,
     RadialBasis,
+    Readouts,
+    ReadoutState,
     equal_parameter_hidden,
 )
 from .integral import IntegralAction
@@ -157,6 +159,8 @@ __all__ = [
     "Pid",
     "Projection",
     "RadialBasis",
+    "ReadoutState",
+    "Readouts",
     "RobustGain",
     "Saturation",
     "SigmaModification",

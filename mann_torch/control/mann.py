@@ -29,6 +29,7 @@ from .features import (
     ErrorsAndReference,
     FeatureNetwork,
     NetworkInputs,
+    Readouts,
 )
 from .laws import Drive
 from .robust import RobustGain
@@ -43,7 +44,9 @@ class MannController(AdaptiveController):
 
     Paper: eqs. (clawrobotarm), (nnoutput), with the network `AdaptiveNetwork` of `n_hidden` neurons
     on x~ = [e de s ds dds], I = 5n. `network` and `inputs` put any feature network and any input
-    vector in their place. It drives n outputs whose values and rates are measured, by n inputs.
+    vector in their place, `readouts` slots of W beside it, judged by the torque that was applied:
+    what feedback had to add is what a readout lacked. It drives n outputs whose values and rates
+    are measured, by n inputs.
 
     Constants, by name: `error_gain` (Lambda), `base_gain` (K_v), `robust_gain` (k_v),
     `weight_bound` (Z_m), the network's `rate_W` (C_w), `rate_V` (C_v), `e_modification` (kappa),
@@ -69,6 +72,7 @@ class MannController(AdaptiveController):
         initial_std: float = _OF_NETWORK[3],
         network: FeatureNetwork | None = None,
         inputs: NetworkInputs | None = None,
+        readouts: Readouts | None = None,
     ) -> None:
         super().__init__()
         n_joints = whole("n_joints", n_joints)
@@ -95,7 +99,7 @@ class MannController(AdaptiveController):
         self.n_joints = n_joints
         self.tracking = FilteredTracking(n_joints, error_gain)
         self.inputs = inputs
-        self.approximator = Approximator(network, memory)
+        self.approximator = Approximator(network, memory, ("error_norm", "shortfall"), readouts)
         self.robust = RobustGain(base_gain, robust_gain, weight_bound)
         self.reference_order = max(1, inputs.reference_order)
 
@@ -147,7 +151,9 @@ class MannController(AdaptiveController):
         rate = per_matrix(output.signals.gain) * torch.eye(n, dtype=output.input.dtype)
         first = self.inputs.rate_from
         if first is not None:
-            slope = self.network.input_slope(output.signals.features, state.network, first, n)
+            slope = self.network.input_slope(
+                output.signals.features, self.approximator.in_force(state), first, n
+            )
             rate = rate if slope is None else rate + slope
         return tracking_gains(rate @ self.tracking.error_gain, rate, reference)
 
@@ -175,4 +181,7 @@ class MannController(AdaptiveController):
     ) -> Drive:
         """r drives, and |e| is that of positions."""
         error_norm = torch.linalg.vector_norm(seen.error, dim=-1)
-        return Drive.of_features(found.features.hidden, seen.drive, error_norm)
+        shortfall = None
+        if self.approximator.readouts is not None:
+            shortfall = self.robust(found.norms).unsqueeze(-1) * seen.drive
+        return Drive.of_features(found.features.hidden, seen.drive, error_norm, shortfall=shortfall)

@@ -11,10 +11,11 @@ from .directions import Directions
 from .hard import HardAttention
 from .inertia import Inertia
 from .keys import KeyRule, RepresentationKeys, StateKeys
+from .layers import MemoryLayers
 from .reallocating import PHASES, ReallocatingAttention
 from .relaxed import RelaxedAttention
 from .relaxing import relaxed
-from .sequence import MemorySequence
+from .sequence import MemorySequence, Taken
 from .soft import SoftAttention
 from .stream import MemoryStream
 from .telemetry import MemoryTrace, reallocation_log
@@ -44,6 +45,7 @@ __all__ = [
     "KeyRule",
     "Looked",
     "MemoryCell",
+    "MemoryLayers",
     "MemorySequence",
     "MemoryStream",
     "MemoryTrace",
@@ -52,6 +54,7 @@ __all__ = [
     "RepresentationKeys",
     "SoftAttention",
     "StateKeys",
+    "Taken",
     "WorkingMemory",
     "reallocation_log",
     "relaxed",

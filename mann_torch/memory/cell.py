@@ -16,7 +16,7 @@ from ..types import MemoryState
 from .attention import Attention
 from .cell_flow import CellFlow
 from .cell_state import Attended, CellState, state_of
-from .checks import Sizes, check_tensor, common_batch
+from .checks import Sizes, check_tensor, common_batch, exactly
 from .directions import Directions
 from .inertia import Inertia
 from .keys import KeyRule, RepresentationKeys, StateKeys
@@ -224,14 +224,17 @@ class MemoryCell(CellFlow):
         Raises as `forward`.
         """
         batch = self._batch(x, state)
-        return self._attend(self.look(x, None if dt is None else self._length(dt, batch)), state)
+        looked = self.look(x, None if dt is None else self._length(dt, batch))
+        with exactly(x.device):
+            return self._attend(looked, state)
 
     def write(self, seen: Attended, correction: Tensor | None = None) -> CellState:
         """The second half: the write law over dt with the weights held. Raises as `forward`."""
         instance("seen", seen, Attended)
         if correction is not None:
             self._check_correction(correction, tuple(seen.weights.shape[:-1]))
-        return self._write(seen, correction)
+        with exactly(seen.hidden.device):
+            return self._write(seen, correction)
 
     def output_of(self, seen: Attended) -> Tensor:
         """h_o (..., N), or W'(sigma + h_o) + b_w (..., output_size). Raises `KindError`."""

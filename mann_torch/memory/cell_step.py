@@ -9,7 +9,7 @@ from ..constraints import DesignModule
 from ..errors import DtypeError
 from ..functional import one_hot
 from .cell_state import Attended, CellState, Looked, even, state_of
-from .checks import autocast_is_on, check_tensor
+from .checks import autocast_is_on, check_tensor, exactly
 from .inertia import Inertia
 from .stepping import exponential_step, share_of
 from .working_memory import WorkingMemory
@@ -73,8 +73,9 @@ class CellStep(DesignModule):
 
         Nothing is checked: this is what a sequence compiles.
         """
-        seen = self._attend(looked, state)
-        return seen, self._write(seen, None)
+        with exactly(looked.hidden.device):
+            seen = self._attend(looked, state)
+            return seen, self._write(seen, None)
 
     def shown(self, hidden: Tensor, read: Tensor) -> Tensor:
         """The output of features and read (..., N), for any number of steps at once."""

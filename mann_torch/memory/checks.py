@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import torch
@@ -36,6 +37,13 @@ def autocast_is_on(device: torch.device) -> bool:
     """Whether layers before this one may hand over any precision, as torch's own do."""
     kind = device.type
     return torch.amp.is_autocast_available(kind) and torch.is_autocast_enabled(kind)
+
+
+def exactly(device: torch.device) -> AbstractContextManager[Any]:
+    """A region where autocast, if it is on, leaves dtypes alone: what a memory holds is exact."""
+    if not autocast_is_on(device):
+        return nullcontext()
+    return torch.autocast(device.type, enabled=False)
 
 
 def common_batch(shapes: Mapping[str, Sizes]) -> Sizes:

@@ -7,6 +7,8 @@ import math
 import torch
 from torch import Tensor, nn
 
+from ..checks import whole
+
 #: Time constants that features begin with, in steps: between these, evenly by their logarithm.
 SHORTEST, LONGEST = 1.0, 60.0
 #: Largest share of a step that a feature moves at first.
@@ -20,11 +22,13 @@ class Inertia(nn.Module):
     solution is sigma + sigmoid(b + U_b sigma)(tanh(a + U_a sigma) - sigma): a gated recurrent unit.
     `pace` is the layer that gives b; its bias begins at time constants between 1 and 60 steps, so
     that some features remember from the start. `first` (N,), learned, is sigma before the first
-    step.
+    step. Raises `ConfigError`.
     """
 
     def __init__(self, input_size: int, hidden_size: int) -> None:
         super().__init__()
+        input_size = whole("input_size", input_size)
+        hidden_size = whole("hidden_size", hidden_size)
         self.pace = nn.Linear(input_size, hidden_size)
         self.feedback = nn.Linear(hidden_size, hidden_size, bias=False)
         self.pace_feedback = nn.Linear(hidden_size, hidden_size, bias=False)

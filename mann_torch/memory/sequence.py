@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import logging
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
+from torch.nn.utils.rnn import PackedSequence
 
 from ..checks import choice, flag, instance
 from ..errors import ConfigError, DtypeError, KernelError, ShapeError
 from .cell import MemoryCell
 from .cell_state import LOOKED_RANKS, RANKS, CellState, Looked
-from .checks import check_tensor, check_within, common_batch
+from .checks import check_tensor, check_within, common_batch, exactly
+from .lengths import Lengths, Padded, both, valid_steps
 from .steps import Marks, stepped
 from .telemetry import MemoryTrace
 
@@ -67,28 +69,41 @@ class MemorySequence(nn.Module):
 
     def forward(
         self,
-        x: Tensor,
+        x: Tensor | PackedSequence,
         state: CellState | None = None,
         dt: Tensor | None = None,
         *,
+        lengths: Lengths | None = None,
         reset: Tensor | None = None,
         valid: Tensor | None = None,
-    ) -> tuple[Tensor, CellState]:
+    ) -> tuple[Any, CellState]:
         """Outputs of every step and the last state; starts from `initial_state` if none is given.
 
-        `dt`, `reset` and `valid` are (T, ...), or (B, T) with `batch_first`, or (T,) for all alike.
-        `dt` gives every step its own length: samples at uneven times, or 0 where nothing is to be
-        written. Where `reset` (bool) is True the state begins anew before the step: an episode's
-        first. Where `valid` (bool) is False no step is taken: the state stays, bit for bit, and
-        the output is 0.
+        x may be a `PackedSequence`: outputs are one too then, as of `nn.LSTM`. `lengths` (B,) are
+        those of padded sequences: no step is taken beyond.
+
+        `dt`, `reset` and `valid` are (T, ...), or (B, T) with `batch_first` (not of packed ones),
+        or (T,) for all alike. `dt` gives every step its own length: samples at uneven times, or 0
+        where nothing is to be written. Where `reset` (bool) is True the state begins anew before
+        the step: an episode's first. Where `valid` (bool) is False no step is taken: the state
+        stays, bit for bit, and the output is 0.
 
         Raises `ShapeError`, `DtypeError`, for a sequence without a step too, and `ConfigError` or
         `KernelError` where the compiled engine is asked for and can't take it.
         """
-        begun = self._begin(x, state, dt, reset, valid)
+        if isinstance(x, PackedSequence):
+            if lengths is not None:
+                raise ConfigError("lengths: a packed sequence has its own")
+            padded = Padded.of(x)
+            own = MemorySequence(self.cell, engine=self.engine)
+            outputs, last = own(
+                padded.x, state, dt, lengths=padded.lengths, reset=reset, valid=valid
+            )
+            return padded.packed(outputs), last
+        begun = self._begin(x, state, dt, reset, valid, lengths)
         hidden, reads, last, _ = self._run(begun)
         outputs = self.cell.shown(hidden, reads)
-        if valid is not None and begun.marks.valid is not None:
+        if begun.marks.valid is not None:
             outputs = torch.where(begun.marks.valid.unsqueeze(-1), outputs, 0.0)
         return outputs.transpose(0, 1) if self._swaps(x) else outputs, last
 
@@ -116,7 +131,8 @@ class MemorySequence(nn.Module):
         reason = obstacle(self.cell, self.cell.stepped, begun.looked.hidden.device)
         if reason is None:
             try:
-                found = marching.run(self.cell, *begun)
+                with exactly(begun.looked.hidden.device):
+                    found = marching.run(self.cell, *begun)
                 return _Run(*found, Taken("compiled", "the step was traced and compiled"))
             except (UntraceableError, KernelError) as error:
                 if self.engine == "compiled" and isinstance(error, KernelError):
@@ -159,6 +175,7 @@ class MemorySequence(nn.Module):
         dt: Tensor | None,
         reset: Tensor | None,
         valid: Tensor | None,
+        lengths: Lengths | None = None,
     ) -> _Begun:
         cell = self.cell
         check_tensor("x", x, (cell.input_size,), None)
@@ -174,13 +191,18 @@ class MemorySequence(nn.Module):
         x = x.reshape(len(x), *(1 for _ in range(missing)), *x.shape[1:])
         spans = self._per_step("dt", dt, x, batch)
         spans = None if spans is None else spans.to(cell.dtype)
-        looked, shape = cell.look(x, spans), (len(x), *batch)
-        marks = []
+        shape, marks = (len(x), *batch), []
         for name, mark in (("reset", reset), ("valid", valid)):
             if mark is not None and instance(name, mark, Tensor).dtype != torch.bool:
                 raise DtypeError(f"{name} is {mark.dtype}: it is a mask of bool")
             found = self._per_step(name, mark, x, batch)
-            marks.append(None if found is None else found.expand(shape))
+            marks.append(found)
+        if lengths is not None:
+            marks[1] = both(marks[1], valid_steps(lengths, len(x), batch, x.device))
+        if (taken := marks[1]) is not None:  # padding may be NaN, and 0 times NaN is no slope
+            x = torch.where(taken.unsqueeze(-1), x, 0.0)
+            spans = None if spans is None else torch.where(taken, spans, 1.0)
+        looked = cell.look(x, spans)
         return _Begun(
             Looked(
                 *(
@@ -194,7 +216,7 @@ class MemorySequence(nn.Module):
                     for leaf, rank in zip(state, RANKS, strict=True)
                 )
             ),
-            Marks(*marks),
+            Marks(*(None if mark is None else mark.expand(shape) for mark in marks)),
         )
 
     def _per_step(
@@ -211,6 +233,5 @@ class MemorySequence(nn.Module):
                 f"{name} has shape {tuple(given.shape)}; a sequence of {len(x)} has {form}"
             )
         check_within(name, tuple(found.shape[1:]), batch)
-        if found.dim() == 1:
-            return found.reshape(-1, *(1 for _ in batch))
-        return found
+        missing = len(batch) + 1 - found.dim()  # fewer dimensions mean the same for all
+        return found.reshape(len(x), *(1 for _ in range(missing)), *found.shape[1:])

@@ -9,8 +9,11 @@ from torch import Tensor
 
 from ..checks import instance, sizes
 from ..errors import ConfigError, DtypeError, ShapeError
+from ..functional import pick
+from ..trees import map_tensors
 from .cell import MemoryCell
 from .cell_state import CellState
+from .checks import exactly
 
 
 class MemoryStream:
@@ -40,7 +43,8 @@ class MemoryStream:
         self.cell = instance("cell", cell, MemoryCell)
         self.batch_shape = sizes("batch_shape", batch_shape)
         try:
-            self._streamed = Streamed(cell, torch.Size(self.batch_shape))
+            with exactly(cell.slots.device):
+                self._streamed = Streamed(cell, torch.Size(self.batch_shape))
         except UntraceableError as error:
             raise ConfigError(f"a stream needs the compiled engine: {error}") from None
         self._shape = torch.Size((*self.batch_shape, cell.input_size))
@@ -71,6 +75,20 @@ class MemoryStream:
     def initial_state(self) -> Tensor:
         """The state before the first step."""
         return self.packed(self.cell.initial_state(self.batch_shape))
+
+    def begun(self, state: Tensor, reset: Tensor) -> Tensor:
+        """The state with samples that begin anew where `reset` (*batch_shape) bool says so.
+
+        Raises `KindError`, `ShapeError`, `DtypeError`.
+        """
+        mask = instance("reset", reset, Tensor)
+        if mask.dtype != torch.bool:
+            raise DtypeError(f"reset is {mask.dtype}: it is a mask of bool")
+        if mask.shape != torch.Size(self.batch_shape):
+            raise ShapeError(f"reset has shape {tuple(mask.shape)}, not {tuple(self.batch_shape)}")
+        with torch.no_grad():
+            fresh, held = self.cell.initial_state(self.batch_shape), self.unpacked(state)
+            return self.packed(map_tensors(lambda new, old: pick(mask, new, old), fresh, held))
 
     def packed(self, state: CellState) -> Tensor:
         """A cell's state as a stream's. Raises `KindError`, `ShapeError`, `DtypeError`."""

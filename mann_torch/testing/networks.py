@@ -75,6 +75,7 @@ def check_network(network: FeatureNetwork) -> None:
     check_slopes(tried, names)
     check_constants(tried, 3)
     _check_slope(network, given)
+    _check_outer(network, given)
 
 
 def _stepped(tree: Any, rates: Any) -> Any:
@@ -168,3 +169,19 @@ def _check_slope(network: FeatureNetwork, given: Fed) -> None:
     if found is not None:
         shape = (SAMPLES, network.n_outputs, n)
         check_tensor(network, 5, "input_slope", found, shape, "(..., m, n)")
+
+
+def _check_outer(network: FeatureNetwork, given: Fed) -> None:
+    """What is called W is W."""
+    x, state, hidden = given.nn_input, given.state, given.extra
+    lacking = [name for name in network.outer if not hasattr(state, name)]
+    if lacking:
+        raise broken(network, 6, f"outer: no field {lacking[0]}", "name fields of the weights")
+    if not network.outer:
+        return
+    twice = state._replace(**{name: 2.0 * getattr(state, name) for name in network.outer})
+    if apart([network.output(hidden, twice)], [2.0 * network.output(hidden, state)]) > ROUNDING:
+        raise broken(network, 6, "output is not linear in outer weights", "name all of W, not more")
+    features = network.features(x, twice).hidden
+    if not torch.equal(features, network.features(x, state).hidden):
+        raise broken(network, 6, "features depend on outer weights", "name all of W, not more")

@@ -46,12 +46,22 @@ def meta_adaptive(attention: Any = None, nominal: bool = False, **parts: Any) ->
     return control.MetaAdaptive(network, memory=memory, **known, **parts)
 
 
+def with_readouts(memory: Any = None) -> mt.MannController:
+    """Of small gains: else squared torques are so large that differences are of rounding."""
+    readouts = control.Readouts(3, recall_time=0.1)
+    return mt.MannController(2, 6, memory, base_gain=1.0, robust_gain=0.1, readouts=readouts)
+
+
 #: A new controller is one line here.
 CONTROLLERS_TO_CHECK: dict[str, Callable[[], control.Controller]] = {
     **{f"mann, {name}": of_paper(name) for name in CONTROLLERS},
     "mann, kappa > 0": lambda: mt.MannController(2, 6, e_modification=0.1),
     "mann, radial basis": lambda: mt.MannController(
         2, network=control.LinearNetwork(control.RadialBasis.scattered(10, 6, 3.0), 2)
+    ),
+    "mann, readouts": with_readouts,
+    "mann, readouts and a memory": lambda: with_readouts(
+        mt.WorkingMemory(2, 6, mt.HardAttention())
     ),
     "linear_feedback": lambda: control.LinearFeedback([[3.0, 2.0]], [[3.0]], 0.5),
     "linear_feedback, two inputs": lambda: control.LinearFeedback(
@@ -64,6 +74,10 @@ CONTROLLERS_TO_CHECK: dict[str, Callable[[], control.Controller]] = {
         integral=control.IntegralAction(0.3),
         saturation=control.MuModification(MODEL, INPUT, 0.5, 1.0, 0.1),
         labels=control.FilteredLabels([[0.0, 1.0], [0.0, 0.0]], INPUT, 5.0),
+    ),
+    "mrac, readouts": lambda: of_mrac(
+        labels=control.FilteredLabels([[0.0, 1.0], [0.0, 0.0]], INPUT, 5.0),
+        readouts=control.Readouts(2),
     ),
     "mrac, hedged": lambda: of_mrac(saturation=control.Hedging(MODEL, INPUT, 0.5)),
     "mrac, known limits": lambda: of_mrac(saturation=control.KnownLimits(0.5)),

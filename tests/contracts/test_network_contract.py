@@ -23,6 +23,7 @@ from mann_torch.control import (
     Projection,
     RadialBasis,
 )
+from mann_torch.control.features import LinearWeights
 from mann_torch.errors import InterfaceError
 from mann_torch.testing import check_network
 from mann_torch.types import Features
@@ -131,6 +132,27 @@ BROKEN: dict[str, tuple[Callable[[], FeatureNetwork], str]] = {
     "a slope of other sizes": (
         lambda: changed(input_slope=lambda self, features, state, first, n: state.W),
         r"line 5: input_slope has shape \(8, 7, 2\), not \(8, 2, 3\)",
+    ),
+    "an outer weight that is none": (
+        lambda: changed(outer=("W", "b_w")),
+        "line 6: outer: no field b_w",
+    ),
+    "an output of more than its outer weights": (
+        lambda: changed(
+            outer=("W",),
+            initial_state=lambda self, batch, generator=None: LinearWeights(
+                LinearNetwork.initial_state(self, batch).W + 0.5
+            ),
+            output=lambda self, hidden, state: LinearNetwork.output(self, hidden, state) + 0.1,
+        ),
+        "line 6: output is not linear in outer weights",
+    ),
+    "features of an outer weight": (
+        lambda: of(
+            "features",
+            lambda right, x, state: right._replace(hidden=right.hidden + state.W[..., 0]),
+        ),
+        "line 6: features depend on outer weights",
     ),
 }
 

@@ -11,7 +11,7 @@ from omegaconf import DictConfig, ListConfig, OmegaConf
 from experiments.command.cli import compose_job
 
 COMMANDS = (
-    *("simulate", "ensemble", "reproduce", "tune", "gradient_report", "peers"),
+    *("simulate", "ensemble", "reproduce", "tune", "gradient_report", "peers", "ablation"),
     *("online_regression", "tune_problems", "returning"),
 )
 #: How often each is asked: the quick ones more.
@@ -201,6 +201,19 @@ TOGETHER = {
         ("+rates.foo=1",),
         ("rates.lstm=nan",),
         ("recall.batch=1000000", "n_slots=1000", "hidden_size=1000"),
+    ),
+    "ablation": (
+        ("tables=[foo]",),
+        ("tables=[]",),
+        ("online.variants=[foo]",),
+        ("online.rates=[]",),
+        ("online.visit_length=1",),
+        ("arm.variants=[wiped_5]",),
+        ("arm.noise=[0.1]",),
+        ("arm.window=20",),
+        ("arm.visit_length=1e9",),
+        ("recall.variants=[lstm]",),
+        ("recall.seeds=0",),
     ),
     "online_regression": (
         ("rates=[]",),

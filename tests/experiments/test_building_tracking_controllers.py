@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -66,3 +67,32 @@ def test_l1_by_a_law_or_by_a_period() -> None:
     assert made(*LINEAR, "controller=l1", "controller.period=0.01").periods == (0.01,)
     with pytest.raises(ConfigError, match="not both"):
         made(*LINEAR, "controller=l1", "law=gradient", "controller.period=0.01")
+
+
+def test_readouts_of_controllers_that_can_judge_them() -> None:
+    arm = ("plant=two_link_arm", "scenario=plain", "controller=nn")
+    found = made(*arm, "controller.readouts={n_slots: 3, recall_time: 0.1}").approximator.readouts
+    assert found.n_slots == 3 and float(found.recall_time) == 0.1
+    given = ("problem=wing_rock", "plant.accelerometer=true", "model.start=null")
+    labels = "controller.labels={name:measured,field:moment}"
+    found = made(*given, labels, "controller.readouts={n_slots: 2}").approximator.readouts
+    assert found.n_slots == 2
+    refused = {
+        "nothing to tell: give it labels": (
+            "controller=mrac", "plant=double_integrator", "model=second_order", "scenario=plain",
+            "network=identity", "controller.readouts={n_slots: 2}",
+        ),
+        "controller.readouts.slots": (*arm, "controller.readouts={slots: 2}"),
+        "controller.readouts.sharpness = 0.0": (*arm, "controller.readouts={sharpness: 0.0}"),
+        "controller.readouts.n_slots = 5000: at most": (
+            *arm, "controller.readouts={n_slots: 5000}",
+        ),
+        "controller.readouts = 5": (*arm, "controller.readouts=5"),
+        "unknown setting 'controller.readouts'": (
+            "plant=two_link_arm", "scenario=plain", "controller=pid",
+            "+controller.readouts={n_slots: 2}",
+        ),
+    }  # fmt: skip
+    for told, overrides in refused.items():
+        with pytest.raises(ConfigError, match=re.escape(told)):
+            made(*overrides)

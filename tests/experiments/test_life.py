@@ -43,6 +43,11 @@ OTHERS = {
         *("peers", "tasks=[recall]", "variants=[memory,lstm]", "recall.iterations=100", "seeds=2"),
         *("tested=20", "workers=1"),
     ],
+    "ablation": [
+        *("ablation", "tables=[online,recall]", "online.variants=[plain,readouts_3]"),
+        *("online.visits=2", "online.visit_length=2", "online.rates=[10]", "online.seeds=2"),
+        *("recall.variants=[memory]", "recall.seeds=2", "recall.iterations=40", "workers=1"),
+    ],
     "online_regression": [
         *("online_regression", "variants=[network,soft]", "rates=[1]", "visits=2", "seeds=2"),
         *("n_functions=2", "visit_length=2", "dt=0.05", "window=0.5", "workers=1"),

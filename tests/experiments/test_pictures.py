@@ -22,6 +22,10 @@ SHORT = {
         *("tasks=[recall]", "variants=[memory]", "recall.iterations=3", "tested=8", "seeds=2"),
         "workers=1",
     ],
+    "ablation": [
+        *("tables=[online]", "online.variants=[plain,wiped_5]", "online.visits=2", "workers=1"),
+        *("online.visit_length=2", "online.rates=[10]", "online.seeds=2"),
+    ],
     "online_regression": [
         *("variants=[network]", "rates=[1]", "visits=2", "n_functions=2", "seeds=2", "workers=1"),
         *("visit_length=2", "dt=0.05", "window=0.5"),

@@ -131,15 +131,17 @@ def recalling(generator: torch.Generator, batch: int = 64) -> tuple[Tensor, Tens
     return x, answer, (torch.arange(12) >= 6).unsqueeze(-1).expand(12, batch)
 
 
-def accuracy_after(task: object, iterations: int, seed: int, rate: float = 1e-2) -> float:
-    """Of a cell with its defaults, on 20 new batches."""
+def accuracy_after(task: object, iterations: int, seed: int, slowest: float = 1e-3) -> float:
+    """Of a cell with its defaults, by Adam at 1e-2 down to `slowest`, on 20 new batches."""
     torch.manual_seed(seed)
     generator = torch.Generator().manual_seed(1000 + seed)
     x, answer, _ = task(generator)
     sequence = mt.MemorySequence(mt.MemoryCell(x.shape[-1], 64))
     head = nn.Linear(64, int(answer.max()) + 1)
     free = [p for p in (*sequence.parameters(), *head.parameters()) if p.requires_grad]
-    optimizer = torch.optim.Adam(free, lr=rate)
+    optimizer = torch.optim.Adam(free, lr=1e-2)
+    pace = (slowest / 1e-2) ** (1 / iterations)
+    slower = torch.optim.lr_scheduler.ExponentialLR(optimizer, pace)
     for _ in range(iterations):
         x, answer, asked = task(generator)
         scores = head(sequence(x)[0])
@@ -148,6 +150,7 @@ def accuracy_after(task: object, iterations: int, seed: int, rate: float = 1e-2)
         loss.backward()
         nn.utils.clip_grad_norm_(free, 1.0)
         optimizer.step()
+        slower.step()
     right = []
     with torch.no_grad():
         for _ in range(20):
@@ -175,4 +178,4 @@ def test_it_tells_the_first_symbol(seed: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_it_copies_over_a_gap(seed: int) -> None:
-    assert accuracy_after(copying, 1500, seed) > 0.998
+    assert accuracy_after(copying, 2500, seed, 3e-4) > 0.999  # an LSTM: 1/8, guessing

@@ -16,10 +16,13 @@ MEMORY = mt.WorkingMemory(3, 6, mt.HardAttention())
 
 CALLS: dict[str, Call] = {
     "MannController of a network": (
-        lambda network=None, inputs=None: mt.MannController(2, network=network, inputs=inputs),
+        lambda network=None, inputs=None, readouts=None: mt.MannController(
+            2, network=network, inputs=inputs, readouts=readouts
+        ),
         {
             "network": NETWORK,
             "inputs": control.ErrorsAndReference(2),
+            "readouts": control.Readouts(2),
         },
     ),
     "ErrorsAndReference": (control.ErrorsAndReference, {"n_joints": 2}),
@@ -46,7 +49,16 @@ CALLS: dict[str, Call] = {
     "Measured": (control.Measured, {"width": 2}),
     "Approximator": (
         control.Approximator,
-        {"network": NETWORK, "memory": MEMORY, "offers": ("error_norm",)},
+        {
+            "network": NETWORK,
+            "memory": MEMORY,
+            "offers": ("error_norm", "shortfall"),
+            "readouts": control.Readouts(2),
+        },
+    ),
+    "Readouts": (
+        control.Readouts,
+        {"n_slots": 3, "recall_time": 0.1, "sharpness": 1.0, "spread": 0.2, "common": 0.5},
     ),
     "BoundaryLayer": (
         control.BoundaryLayer,

@@ -17,6 +17,7 @@ STATE, X = CELL.initial_state((2,)), randn(2, 3)
 SEEN = CELL.attend(X, STATE)
 SEQUENCE = mt.MemorySequence(CELL, engine="torch")
 STREAM = mt.MemoryStream(CELL, (2,))
+LAYERS = mt.MemoryLayers(3, 6, 2, dtype=torch.float64, engine="torch")
 TRACE = SEQUENCE.trace(randn(5, 2, 3))
 MEMORY, HIDDEN = CELL.memory, randn(2, 6)
 
@@ -96,6 +97,37 @@ CALLS: dict[str, Call] = {
     ),
     "MemoryCell.look": (CELL.look, {"x": X, "dt": torch.ones(2, dtype=torch.float64)}),
     "MemoryCell.check_state": (CELL.check_state, {"state": STATE}),
+    "Directions": (memory.Directions, {"input_size": 3, "width": 4}),
+    "Inertia": (memory.Inertia, {"input_size": 3, "hidden_size": 4}),
+    "MemoryLayers": (
+        mt.MemoryLayers,
+        {
+            "input_size": 3,
+            "hidden_size": 6,
+            "num_layers": 2,
+            "batch_first": False,
+            "dropout": 0.1,
+            "bidirectional": False,
+            "return_state": True,
+            "engine": "torch",
+        },
+    ),
+    "MemoryLayers.initial_state": (LAYERS.initial_state, {"batch_shape": (2,)}),
+    "MemoryLayers.forward": (
+        LAYERS.forward,
+        {
+            "x": randn(5, 2, 3),
+            "state": LAYERS.initial_state(2),
+            "dt": torch.ones(5, 2, dtype=torch.float64),
+            "lengths": [5, 3],
+            "reset": torch.zeros(5, 2, dtype=torch.bool),
+            "valid": torch.ones(5, 2, dtype=torch.bool),
+        },
+    ),
+    "MemoryStream.begun": (
+        STREAM.begun,
+        {"state": STREAM.initial_state(), "reset": torch.tensor([True, False])},
+    ),
     "MemoryStream": (mt.MemoryStream, {"cell": CELL, "batch_shape": (2,)}),
     "MemoryStream.packed": (STREAM.packed, {"state": STATE}),
     "MemoryStream.unpacked": (STREAM.unpacked, {"state": STREAM.initial_state()}),
@@ -121,6 +153,7 @@ CALLS: dict[str, Call] = {
             "x": randn(5, 2, 3),
             "state": STATE,
             "dt": torch.ones(5, 2),
+            "lengths": [5, 3],
             "reset": torch.zeros(5, 2, dtype=torch.bool),
             "valid": torch.ones(5, 2, dtype=torch.bool),
         },

@@ -19,6 +19,7 @@ OF_ANY = {
     "integral": control.IntegralAction(),
     "saturation": control.Hedging(MODEL, INPUT, 2.0),
     "labels": control.MeasuredLabels("moment"),
+    "readouts": control.Readouts(2),
 }
 
 CALLS: dict[str, Call] = {

@@ -30,6 +30,7 @@ CALLS: dict[str, Call] = {
             "initial_std": 0.1,
             "network": None,
             "inputs": None,
+            "readouts": control.Readouts(2),
         },
     ),
     "AdaptiveNetwork": (

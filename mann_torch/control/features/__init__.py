@@ -11,6 +11,7 @@ from .layers import Layers
 from .linear_network import LinearNetwork, LinearWeights
 from .network_inputs import ErrorsAndReference, Measured, NetworkInputs
 from .radial_basis import RadialBasis
+from .readouts import Readouts, ReadoutState
 
 BASES: Registry[Basis] = Registry(
     "basis",
@@ -41,5 +42,7 @@ __all__ = [
     "Measured",
     "NetworkInputs",
     "RadialBasis",
+    "ReadoutState",
+    "Readouts",
     "equal_parameter_hidden",
 ]

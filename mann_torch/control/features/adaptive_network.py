@@ -47,6 +47,8 @@ class AdaptiveNetwork(FeatureNetwork):
     needs what inner weights do not have.
     """
 
+    outer = ("W", "b_w")
+
     def __init__(
         self,
         n_inputs: int,

@@ -16,6 +16,7 @@ from ...types import ControllerState, Features, MemoryMode, MemoryState, Proximi
 from ..laws import Drive
 from ..laws.needs import check_needs
 from .feature_network import FeatureNetwork
+from .readouts import Readouts
 
 
 class Approximation(NamedTuple):
@@ -23,6 +24,7 @@ class Approximation(NamedTuple):
 
     output: Tensor  # (..., m) W'(sigma + h_o) + ...
     norms: Tensor  # (...,) of weights and memory
+    network: Any  # weights in force
     nn_input: Tensor  # (..., I)
     features: Features
     correction: Tensor  # (..., N) W r
@@ -36,8 +38,9 @@ class Approximator(DesignModule):
 
     A controller holds one, feeds it x~, its error feedback r and the context of state keys, and
     keeps its state and mode among its own. `offers` are the fields of `Drive` that the controller
-    gives beyond regressor and error. Raises `ConfigError` where a law needs others, or where the
-    memory's N differs from the network's; `KindError`.
+    gives beyond regressor and error. `readouts` are slots of W, whose weights stand for the
+    memory's in telemetry where there is none. Raises `ConfigError` where a law or `readouts` need
+    others, or where the memory's N differs from the network's; `KindError`.
     """
 
     def __init__(
@@ -45,6 +48,7 @@ class Approximator(DesignModule):
         network: FeatureNetwork,
         memory: WorkingMemory | None = None,
         offers: Iterable[str] = ("error_norm",),
+        readouts: Readouts | None = None,
     ) -> None:
         super().__init__()
         self.network = instance("network", network, FeatureNetwork)
@@ -58,6 +62,9 @@ class Approximator(DesignModule):
         given = several("offers", offers, str)
         for law in network.laws:
             check_needs(law, given)
+        self.readouts = readouts
+        if readouts is not None:
+            instance("readouts", readouts, Readouts).check_fit(network, given)
 
     @property
     def reallocates(self) -> bool:
@@ -92,18 +99,27 @@ class Approximator(DesignModule):
         self.network.check_state(weights)
         network = self.network.expand(weights, batch_shape)
         laws, mode = self.network.initial_laws(batch_shape)
+        held = None
+        if self.readouts is not None:
+            held = self.readouts.initial_state(self.network, network, batch_shape)
         if self.memory is None:
-            return ControllerState(network, None, laws), mode
+            return ControllerState(network, None, laws, held), mode
         hidden = self.network.first_features(nn_input, network)
         memory = self.memory.initial_state(hidden, context)
         slots = self.memory.initial_mode(hidden.shape[:-1])._replace(law=mode)
-        return ControllerState(network, memory, laws), slots
+        return ControllerState(network, memory, laws, held), slots
+
+    def in_force(self, state: ControllerState) -> Any:
+        """The network's weights; with readouts, a blend of those."""
+        if self.readouts is None or state.readouts is None:
+            return state.network
+        return self.readouts.blended(self.network, state.network, state.readouts)
 
     def forward(
         self, nn_input: Tensor, feedback: Tensor, context: Tensor, state: ControllerState, mode: Any
     ) -> Approximation:
         """f^ and what else comes of x~ (..., I), for error feedback r (..., m)."""
-        network = state.network
+        network = self.in_force(state)
         features = self.network.features(nn_input, network)
         correction = self.network.correction(feedback, network)
         norms = self.network.magnitude(network)
@@ -113,7 +129,11 @@ class Approximator(DesignModule):
             norms = norms + self.memory.magnitude(state.memory, mode)
             hidden = hidden + read
         output = self.network.output(hidden, network)
-        return Approximation(output, norms, nn_input, features, correction, read, weights, d_memory)
+        if self.readouts is not None and state.readouts is not None and weights is None:
+            weights = self.readouts.weights(state.readouts)
+        return Approximation(
+            output, norms, network, nn_input, features, correction, read, weights, d_memory
+        )
 
     def rates(
         self, found: Approximation, drive: Drive, state: ControllerState, mode: Any
@@ -121,10 +141,18 @@ class Approximator(DesignModule):
         """Time derivative of the state, driven by `drive`, whose regressor is sigma."""
         decided = mode.law if isinstance(mode, MemoryMode) else mode
         network, laws = self.network.derivative(
-            found.nn_input, found.features, drive, found.correction, state.network, state.laws,
+            found.nn_input, found.features, drive, found.correction, found.network, state.laws,
             decided,
         )  # fmt: skip
-        return ControllerState(network, found.d_memory, laws)
+        held = None
+        if self.readouts is not None and state.readouts is not None:
+            hidden = found.features.hidden
+            network, held = self.readouts.rates(
+                self.network, state.network, network,
+                hidden if found.read is None else hidden + found.read, found.output, drive,
+                state.readouts,
+            )  # fmt: skip
+        return ControllerState(network, found.d_memory, laws, held)
 
     def jump(
         self,
@@ -149,7 +177,7 @@ class Approximator(DesignModule):
             found = self.forward(nn_input, feedback, context, state, mode)
             features = found.features
             laws, decided = self.network.jump(
-                nn_input, features, drive_of(found), found.correction, state.network, state.laws,
+                nn_input, features, drive_of(found), found.correction, found.network, state.laws,
                 decided,
             )  # fmt: skip
             state = state._replace(laws=laws)

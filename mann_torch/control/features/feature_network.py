@@ -31,11 +31,15 @@ class FeatureNetwork(Interface, DesignModule):
        in float64. Gradients reach them all.
     4. `output` is W' hidden + what does not depend on hidden, and `correction` is W r with that W.
     5. `input_slope` gives (..., m, n), or None; it may be approximate.
+    6. `outer` names those weights that are W: `output` is linear in them, with nothing else beside,
+       and `features` do not depend on them. A network that names none takes no `Readouts`.
     """
 
     n_inputs: int
     n_hidden: int
     n_outputs: int
+    #: Fields of its weights that are W, biases of the output among them.
+    outer: tuple[str, ...] = ()
 
     @abstractmethod
     def initial_state(

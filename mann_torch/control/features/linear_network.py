@@ -34,6 +34,8 @@ class LinearNetwork(FeatureNetwork):
     `DtypeError`.
     """
 
+    outer = ("W",)
+
     def __init__(
         self,
         basis: Basis,

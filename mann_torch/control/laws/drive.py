@@ -27,6 +27,7 @@ class Drive(NamedTuple):
     error_norm: Tensor  # (...,) of the tracking error e
     excess: Tensor | None = None  # (..., m) sat(u) - u where the input is limited
     pair: Pair | None = None  # a regression that is measured
+    shortfall: Tensor | None = None  # (..., m) u - Phi' theta: what feedback had to add
     share: Tensor | None = None  # (...,) of all motion that gates let through, None: all
 
     @classmethod
@@ -37,9 +38,10 @@ class Drive(NamedTuple):
         error_norm: Tensor,
         excess: Tensor | None = None,
         pair: Pair | None = None,
+        shortfall: Tensor | None = None,
     ) -> Drive:
         """Of features phi (..., N) and errors s (..., m)."""
-        return cls(features.unsqueeze(-1), error.unsqueeze(-2), error_norm, excess, pair)
+        return cls(features.unsqueeze(-1), error.unsqueeze(-2), error_norm, excess, pair, shortfall)
 
 
 def product(regressor: Tensor, error: Tensor) -> Tensor:

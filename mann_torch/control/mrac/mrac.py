@@ -16,7 +16,7 @@ from ...trees import portable
 from ...types import ControllerState, ControlOutput, Features, InputGains, Mode, ReferenceSample
 from ..adaptive_controller import AdaptiveController, Look
 from ..boundary_layer import BoundaryLayer
-from ..features import Approximation, Approximator, FeatureNetwork
+from ..features import Approximation, Approximator, FeatureNetwork, Readouts
 from ..integral import IntegralAction
 from ..labels import Labels
 from ..laws import Drive
@@ -56,7 +56,8 @@ class Mrac(MatrixConstants, AdaptiveController):
     its state; e = x_m - x, and of a limited input x_m + e_d - x. W is moved by the network's law
     for phi and s. `error_gain` E is B'P with A'P + P A = -Q: `of_model` finds it. `network` is any
     with n + p inputs and m outputs, `memory` adds h_o; `robust`, `integral`, `saturation` and
-    `labels`, which measures the uncertainty for laws that learn from a `Pair`, are there if given.
+    `labels`, which measures the uncertainty for laws that learn from a `Pair`, are there if given;
+    with labels, `readouts` are slots of W that are judged by them.
 
     Constants: `error_gain` (m, n), `feedback` K_x (m, n), `feedforward` K_r (m, p),
     `error_feedback` K_e (m, n), each row by row, where they are given, and those of the parts.
@@ -76,6 +77,7 @@ class Mrac(MatrixConstants, AdaptiveController):
         integral: IntegralAction | None = None,
         saturation: Saturation | None = None,
         labels: Labels | None = None,
+        readouts: Readouts | None = None,
     ) -> None:
         super().__init__()
         m, n = self.n_inputs, self.n_states = self.declare_matrix("error_gain", error_gain)
@@ -101,7 +103,7 @@ class Mrac(MatrixConstants, AdaptiveController):
         offers = {"error_norm"}
         offers |= set() if saturation is None else {"excess"}
         offers |= set() if labels is None else {"pair"}
-        self.approximator = Approximator(network, memory, sorted(offers))
+        self.approximator = Approximator(network, memory, sorted(offers), readouts)
 
     @classmethod
     def of_model(
@@ -232,7 +234,8 @@ class Mrac(MatrixConstants, AdaptiveController):
         """-d u/d x of all terms; that estimates and reference move is not counted."""
         shown, n = output.signals, self.n_states
         gains = self.known.slope().expand(*shown.wanted.shape, n)
-        slope = self.network.input_slope(shown.features, state.adaptive.network, 0, n)
+        weights = self.approximator.in_force(state.adaptive)
+        slope = self.network.input_slope(shown.features, weights, 0, n)
         gains = gains if slope is None else gains - slope
         if self.robust is not None:
             gains = gains + self.robust.slope(shown.drive) @ self.matrix("error_gain")
