@@ -245,7 +245,6 @@ class WorkingMemory(DesignModule):
                 ("keys", memory.keys, (S, self.initial_keys.shape[-1]), dtype),
                 ("active", mode.active, (S,), kind),
             ]
-            if mode.held is not None:
-                rows.append(("held weights", mode.held, (S,), dtype))
+            rows += [] if mode.held is None else [("held weights", mode.held, (S,), dtype)]
         rows += [("correction", each, (N,), dtype) for each in corrections]
         check_together(rows)
