@@ -41,7 +41,7 @@ def test_the_memorys_snippet_runs_as_printed() -> None:
     with contextlib.redirect_stdout(printed):
         exec(compile(snippet, "README.md", "exec"), {})
     shapes, value = printed.getvalue().strip().rsplit(" ", 1)
-    assert shapes.startswith("torch.Size([32, 20, 3]) torch.Size([32, 5, 16])")
+    assert shapes.startswith("torch.Size([32, 20, 3]) torch.Size([32, 8, 16])")
     assert float(value) > 0.0
 
 

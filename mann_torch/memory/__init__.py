@@ -4,21 +4,21 @@ This package imports nothing of control, plants or solvers: other learning code 
 """
 
 from ..registry import Registry
-from .attention import Attention
-from .cell import MemoryCell
-from .cell_state import Attended, CellState, Looked
-from .directions import Directions
-from .hard import HardAttention
-from .inertia import Inertia
+from .attention.attention import Attention
+from .attention.hard import HardAttention
+from .attention.reallocating import PHASES, ReallocatingAttention
+from .attention.relaxed import RelaxedAttention
+from .attention.relaxing import relaxed
+from .attention.soft import SoftAttention
+from .cells.cell import MemoryCell
+from .cells.cell_state import Attended, CellState, Looked
+from .cells.directions import Directions
+from .cells.inertia import Inertia
 from .keys import KeyRule, RepresentationKeys, StateKeys
-from .layers import MemoryLayers
-from .reallocating import PHASES, ReallocatingAttention
-from .relaxed import RelaxedAttention
-from .relaxing import relaxed
-from .sequence import MemorySequence, Taken
-from .soft import SoftAttention
-from .stream import MemoryStream
-from .telemetry import MemoryTrace, reallocation_log
+from .sequences.layers import MemoryLayers
+from .sequences.sequence import MemorySequence, Taken
+from .sequences.stream import MemoryStream
+from .sequences.telemetry import MemoryTrace, reallocation_log
 from .working_memory import RESETS, WorkingMemory
 
 #: Names a configuration may use. A new mechanism is one file and one line here.

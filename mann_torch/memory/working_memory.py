@@ -13,7 +13,7 @@ from ..constraints import DesignModule, Positive
 from ..errors import ConfigError, ShapeError
 from ..functional import Numbers, blend, frobenius, infinity_distances, per_matrix, row_times
 from ..types import MemoryMode, MemoryOutput, MemoryState, Proximity
-from .attention import Attention
+from .attention.attention import Attention
 from .checks import Row, check_together
 from .keys import KeyRule, RepresentationKeys
 
@@ -189,7 +189,7 @@ class WorkingMemory(DesignModule):
         return Proximity(distances, self.attention.margin(self.relevance(hidden, memory), mode))
 
     def relevance(self, hidden: Tensor, memory: MemoryState) -> Tensor:
-        """|sigma - mu_i / c_w|_inf (..., S), whatever the keys are."""
+        """|sigma - mu_i / c_w|_inf (..., S)."""
         return infinity_distances(hidden, memory.mu / per_matrix(self.write_gain))
 
     def magnitude(self, memory: MemoryState, mode: MemoryMode) -> Tensor:
@@ -245,7 +245,6 @@ class WorkingMemory(DesignModule):
                 ("keys", memory.keys, (S, self.initial_keys.shape[-1]), dtype),
                 ("active", mode.active, (S,), kind),
             ]
-            if mode.held is not None:
-                rows.append(("held weights", mode.held, (S,), dtype))
+            rows += [] if mode.held is None else [("held weights", mode.held, (S,), dtype)]
         rows += [("correction", each, (N,), dtype) for each in corrections]
         check_together(rows)

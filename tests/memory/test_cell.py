@@ -10,7 +10,7 @@ from torch import Tensor
 from torchdiffeq import odeint
 
 import mann_torch as mt
-from mann_torch.memory.stepping import relaxation
+from mann_torch.memory.cells.stepping import relaxation
 from mann_torch.types import MemoryState
 from tests.conftest import randn
 from tests.memory.cells import WIDTH, N, S, make_cell

@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from torch.nn.utils.rnn import PackedSequence, pack_padded_sequence, pad_packed_sequence
 
 import mann_torch as mt
-from mann_torch.memory.lengths import valid_steps
+from mann_torch.memory.sequences.lengths import valid_steps
 from tests.conftest import randn
 
 WIDTH, N, T = 3, 6, 9

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ..errors import KindError, ShapeError
-from ..trees import portable
-from ..types import MemoryMode, MemoryState
-from .checks import Sizes, check_tensor
+from ...errors import KindError, ShapeError
+from ...trees import portable
+from ...types import MemoryMode, MemoryState
+from ..checks import Sizes, check_tensor
 
 #: Event dimensions of the leaves of a state, and of what is made of x.
 RANKS = (1, 2, 2, 1, 0, 0, 0, 0)

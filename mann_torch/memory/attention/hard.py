@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from torch import Tensor
 
-from ..functional import active_distances, nearest_weights, per_matrix
-from ..types import Comparison, MemoryMode, Shift
+from ...functional import active_distances, nearest_weights, per_matrix
+from ...types import Comparison, MemoryMode, Shift
 from .attention import Attention
 
 

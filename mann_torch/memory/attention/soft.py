@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from torch import Tensor
 
-from ..functional import masked_softmax, times_column
-from ..types import Comparison, MemoryMode, Shift
+from ...functional import masked_softmax, times_column
+from ...types import Comparison, MemoryMode, Shift
 from .attention import Attention
 
 

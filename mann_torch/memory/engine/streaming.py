@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from ..compiled import Fingerprint, Single, UntraceableError, check_agreement, frozen, with_tensors
-from ..errors import DtypeError
-from .cell import MemoryCell
-from .cell_state import CellState
-from .checks import check_within
+from ...compiled import Fingerprint, Single, UntraceableError, check_agreement, frozen, with_tensors
+from ...errors import DtypeError
+from ..cells.cell import MemoryCell
+from ..cells.cell_state import CellState
+from ..checks import check_within
 from .programs import Held, Rows, job_of, leaves_of, obstacle, program_of
 
 

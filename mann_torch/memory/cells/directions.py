@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from ..checks import whole
+from ...checks import whole
 
 #: Length of a direction at first: inner products lie between -6.25 and 6.25.
 LENGTH = 2.5

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from ..compiled import Fingerprint, check_agreement, frozen, march, with_tensors
-from .cell import MemoryCell
-from .cell_state import CellState, Looked
+from ...compiled import Fingerprint, check_agreement, frozen, march, with_tensors
+from ..cells.cell import MemoryCell
+from ..cells.cell_state import CellState, Looked
+from ..sequences.steps import Marks, stepped
 from .programs import Held, Rows, job_of, leaves_of, program_of
-from .steps import Marks, stepped
 
 
 class SequenceStep:

@@ -9,11 +9,11 @@ import torch
 from torch import Tensor, nn
 from torch.nn.utils.rnn import PackedSequence
 
-from ..checks import choice, flag, instance
-from ..errors import ConfigError, DtypeError, KernelError, ShapeError
-from .cell import MemoryCell
-from .cell_state import LOOKED_RANKS, RANKS, CellState, Looked
-from .checks import check_tensor, check_within, common_batch, exactly
+from ...checks import choice, flag, instance
+from ...errors import ConfigError, DtypeError, KernelError, ShapeError
+from ..cells.cell import MemoryCell
+from ..cells.cell_state import LOOKED_RANKS, RANKS, CellState, Looked
+from ..checks import check_tensor, check_within, common_batch, exactly
 from .lengths import Lengths, Padded, both, valid_steps
 from .steps import Marks, stepped
 from .telemetry import MemoryTrace
@@ -124,9 +124,9 @@ class MemorySequence(nn.Module):
         return self._run_now(begun)
 
     def _run_now(self, begun: _Begun) -> _Run:
-        from ..compiled import UntraceableError
-        from . import marching
-        from .programs import obstacle
+        from ...compiled import UntraceableError
+        from ..engine import marching
+        from ..engine.programs import obstacle
 
         reason = obstacle(self.cell, self.cell.stepped, begun.looked.hidden.device)
         if reason is None:

@@ -7,11 +7,11 @@ from typing import cast
 import torch
 from torch import Tensor
 
-from ..errors import ConfigError
-from ..types import MemoryOutput, MemoryState
+from ...errors import ConfigError
+from ...types import MemoryOutput, MemoryState
+from ..checks import Sizes, check_tensor, check_within, common_batch
 from .cell_state import CellState, check_state, state_of
 from .cell_step import CellStep
-from .checks import Sizes, check_tensor, check_within, common_batch
 
 
 class CellFlow(CellStep):

@@ -5,14 +5,14 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from ..constraints import DesignModule
-from ..errors import DtypeError
-from ..functional import one_hot
+from ...constraints import DesignModule
+from ...errors import DtypeError
+from ...functional import one_hot
+from ..checks import autocast_is_on, check_tensor, exactly
+from ..working_memory import WorkingMemory
 from .cell_state import Attended, CellState, Looked, even, state_of
-from .checks import autocast_is_on, check_tensor, exactly
 from .inertia import Inertia
 from .stepping import exponential_step, share_of
-from .working_memory import WorkingMemory
 from .writing import moved_on
 
 

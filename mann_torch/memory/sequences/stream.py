@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from ..checks import instance, sizes
-from ..errors import ConfigError, DtypeError, ShapeError
-from ..functional import pick
-from ..trees import map_tensors
-from .cell import MemoryCell
-from .cell_state import CellState
-from .checks import exactly
+from ...checks import instance, sizes
+from ...errors import ConfigError, DtypeError, ShapeError
+from ...functional import pick
+from ...trees import map_tensors
+from ..cells.cell import MemoryCell
+from ..cells.cell_state import CellState
+from ..checks import exactly
 
 
 class MemoryStream:
@@ -37,8 +37,8 @@ class MemoryStream:
     """
 
     def __init__(self, cell: MemoryCell, batch_shape: Sequence[int] | int = ()) -> None:
-        from ..compiled import UntraceableError
-        from .streaming import Streamed
+        from ...compiled import UntraceableError
+        from ..engine.streaming import Streamed
 
         self.cell = instance("cell", cell, MemoryCell)
         self.batch_shape = sizes("batch_shape", batch_shape)

@@ -8,20 +8,20 @@ from typing import Any, Self
 import torch
 from torch import Tensor, nn
 
-from ..checks import choice, flag, instance, sizes, whole
-from ..constraints import Positive, follow_dtype
-from ..errors import ConfigError, DtypeError
-from ..functional import Numbers
-from ..types import MemoryState
-from .attention import Attention
+from ...checks import choice, flag, instance, sizes, whole
+from ...constraints import Positive, follow_dtype
+from ...errors import ConfigError, DtypeError
+from ...functional import Numbers
+from ...types import MemoryState
+from ..attention.attention import Attention
+from ..attention.soft import SoftAttention
+from ..checks import Sizes, check_tensor, common_batch, exactly
+from ..keys import KeyRule, RepresentationKeys, StateKeys
+from ..working_memory import WorkingMemory
 from .cell_flow import CellFlow
 from .cell_state import Attended, CellState, state_of
-from .checks import Sizes, check_tensor, common_batch, exactly
 from .directions import Directions
 from .inertia import Inertia
-from .keys import KeyRule, RepresentationKeys, StateKeys
-from .soft import SoftAttention
-from .working_memory import WorkingMemory
 from .writing import WRITINGS
 
 

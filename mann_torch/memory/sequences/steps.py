@@ -7,10 +7,10 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ..functional import pick
-from ..trees import map_tensors
-from .cell import MemoryCell
-from .cell_state import CellState, Looked
+from ...functional import pick
+from ...trees import map_tensors
+from ..cells.cell import MemoryCell
+from ..cells.cell_state import CellState, Looked
 
 
 class Marks(NamedTuple):

@@ -9,10 +9,10 @@ from typing import TypeVar, cast
 import torch
 from torch import Tensor, nn
 
-from ..checks import instance
-from ..constraints import DesignModule, Positive, follow_dtype
-from ..errors import ConfigError
-from ..functional import Numbers, as_float64
+from ...checks import instance
+from ...constraints import DesignModule, Positive, follow_dtype
+from ...errors import ConfigError
+from ...functional import Numbers, as_float64
 from .attention import Attention
 from .hard import HardAttention
 from .reallocating import ReallocatingAttention

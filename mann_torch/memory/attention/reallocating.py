@@ -5,10 +5,10 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ..checks import choice
-from ..constraints import NonNegative
-from ..functional import Numbers, one_hot
-from ..types import Comparison, MemoryMode, Shift
+from ...checks import choice
+from ...constraints import NonNegative
+from ...functional import Numbers, one_hot
+from ...types import Comparison, MemoryMode, Shift
 from .attention import Attention
 from .hard import attend_nearest, slot_distances
 

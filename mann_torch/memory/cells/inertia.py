@@ -7,7 +7,7 @@ import math
 import torch
 from torch import Tensor, nn
 
-from ..checks import whole
+from ...checks import whole
 
 #: Time constants that features begin with, in steps: between these, evenly by their logarithm.
 SHORTEST, LONGEST = 1.0, 60.0

@@ -7,9 +7,9 @@ from abc import abstractmethod
 import torch
 from torch import Tensor
 
-from ..constraints import DesignModule
-from ..interface import Interface
-from ..types import Comparison, MemoryMode, Shift
+from ...constraints import DesignModule
+from ...interface import Interface
+from ...types import Comparison, MemoryMode, Shift
 
 
 class Attention(Interface, DesignModule):

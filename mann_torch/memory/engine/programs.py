@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from ..compiled import (
+from ...compiled import (
     Fingerprint,
     Job,
     Layout,
@@ -19,8 +19,8 @@ from ..compiled import (
     missing,
     transformed,
 )
-from ..constraints import DesignModule
-from .cell import MemoryCell
+from ...constraints import DesignModule
+from ..cells.cell import MemoryCell
 
 #: Programs of this process by what they depend on, or why there is none.
 _PROGRAMS: dict[Hashable, tuple[Program | UntraceableError, list[Any]]] = {}

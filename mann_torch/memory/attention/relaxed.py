@@ -5,10 +5,10 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ..checks import choice
-from ..constraints import NonNegative, Positive
-from ..functional import Numbers, infinity_distances, per_matrix
-from ..types import Comparison, MemoryMode, Shift
+from ...checks import choice
+from ...constraints import NonNegative, Positive
+from ...functional import Numbers, infinity_distances, per_matrix
+from ...types import Comparison, MemoryMode, Shift
 from .attention import Attention
 from .reallocating import PHASES
 

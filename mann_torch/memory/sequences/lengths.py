@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from torch.nn.utils.rnn import PackedSequence, pack_padded_sequence, pad_packed_sequence
 
-from ..errors import ConfigError, DtypeError, ShapeError
+from ...errors import ConfigError, DtypeError, ShapeError
 
 #: Lengths as they may be given.
 Lengths = Sequence[int] | Tensor

@@ -9,10 +9,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..checks import instance, whole
-from ..errors import ShapeError
-from ..trees import map_tensors
-from .cell_state import Attended, CellState
+from ...checks import instance, whole
+from ...errors import ShapeError
+from ...trees import map_tensors
+from ..cells.cell_state import Attended, CellState
 
 
 class MemoryTrace(NamedTuple):

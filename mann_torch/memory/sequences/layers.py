@@ -10,10 +10,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn.utils.rnn import PackedSequence
 
-from ..checks import flag, instance, number, whole
-from ..errors import ConfigError, DomainError, ShapeError
-from .cell import MemoryCell
-from .cell_state import CellState
+from ...checks import flag, instance, number, whole
+from ...errors import ConfigError, DomainError, ShapeError
+from ..cells.cell import MemoryCell
+from ..cells.cell_state import CellState
 from .lengths import Lengths, Padded, both, valid_steps
 from .sequence import MemorySequence
 

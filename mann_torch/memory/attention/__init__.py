@@ -1,0 +1,1 @@
+"""Who is attended: soft, hard, reallocating, and the last two relaxed."""

@@ -1,0 +1,1 @@
+"""The memory as a recurrent cell: its step, its state, its options."""

@@ -1,0 +1,1 @@
+"""A cell over a sequence: layers, streams, telemetry."""
