@@ -15,7 +15,7 @@ COMMANDS = (
     *("online_regression", "tune_problems", "returning"),
 )
 #: How often each is asked: the quick ones more.
-SHARE = (6, 4, 2, 3, 4, 5, 5, 2, 2)
+SHARE = (6, 4, 2, 3, 4, 5, 3, 5, 2, 2)
 #: Numbers that may be anything finite, or that nothing computes with.
 _ANY_SIGN = (
     *("amplitude", "frequency", "offset", "q", "qd", "paper", "paper_reduction", "phase"),
@@ -40,7 +40,8 @@ _SIZES = (
     "iterations",
     "visits",
     *("tested", "evaluated", "recall.batch", "recall.n_keys", "copy.iterations", "copy.length"),
-    *("gap.longest", "returning.steps"),
+    *("gap.longest", "returning.steps", "recall.iterations", "recall.seeds"),
+    *("arm.draws", "arm.visits", "online.seeds", "online.visits"),
 )
 #: Commands of one scenario of one loop, and other loops than the default one.
 OF_LOOPS = ("simulate", "ensemble", "gradient_report")

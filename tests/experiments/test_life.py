@@ -44,9 +44,9 @@ OTHERS = {
         *("tested=20", "workers=1"),
     ],
     "ablation": [
-        *("ablation", "tables=[online,recall]", "online.variants=[plain,readouts_3]"),
+        *("ablation", "tables=[online]", "online.variants=[plain,readouts_3,wiped_5]"),
         *("online.visits=2", "online.visit_length=2", "online.rates=[10]", "online.seeds=2"),
-        *("recall.variants=[memory]", "recall.seeds=2", "recall.iterations=40", "workers=1"),
+        "workers=1",
     ],
     "online_regression": [
         *("online_regression", "variants=[network,soft]", "rates=[1]", "visits=2", "seeds=2"),
