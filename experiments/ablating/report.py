@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -87,7 +87,10 @@ def _number(value: np.ndarray) -> object:
 
 def reported(cfg: AblationConfig, found: Found, wall_s: float) -> Report:
     """Tables, record and arrays."""
-    texts, rows, arrays, tables = [], [], {}, {}
+    texts: list[str] = []
+    rows: list[list[object]] = []
+    arrays: dict[str, np.ndarray] = {}
+    tables: dict[str, Sequence[Sequence[object]]] = {}
     for table, parts in found.items():
         one = compared(parts, table)
         texts += [f"### {table}", described(cfg, table), one.markdown]
