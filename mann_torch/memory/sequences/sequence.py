@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import torch
 from torch import Tensor, nn
@@ -115,12 +115,10 @@ class MemorySequence(nn.Module):
         if self.engine == "torch":
             return self._eager(begun, "engine='torch'")
         if torch.compiler.is_dynamo_compiling() and not torch.compiler.is_exporting():
-            return self._apart(begun)
-        return self._run_now(begun)
+            # Written out, hundreds of steps take torch.compile minutes.
+            from ..engine.apart import apart
 
-    @torch.compiler.disable  # type: ignore[untyped-decorator]
-    def _apart(self, begun: _Begun) -> _Run:
-        """Outside what torch.compile compiles: written out, hundreds of steps take it minutes."""
+            return cast(_Run, apart(self._run_now, begun))
         return self._run_now(begun)
 
     def _run_now(self, begun: _Begun) -> _Run:
