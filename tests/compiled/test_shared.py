@@ -145,6 +145,7 @@ def test_values_and_gradients_are_those_of_eager_torch(dtype: torch.dtype) -> No
         assert apart(mine, other) < close
 
 
+@pytest.mark.slow
 def test_shared_constants_are_those_of_every_sample() -> None:
     n = given(13, torch.float64)
     motion, gradients, _ = marched(n, torch.float64)
@@ -154,6 +155,7 @@ def test_shared_constants_are_those_of_every_sample() -> None:
         assert apart(mine, other) < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_bits_depend_neither_on_lanes_nor_on_checkpoints(dtype: torch.dtype) -> None:
     n = given(21, dtype)  # the last group is filled up
@@ -176,6 +178,7 @@ def test_what_fills_the_last_group_counts_for_nothing() -> None:
     assert all(bool(g.isfinite().all()) for g in found[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_a_sample_that_ends_leaves_the_sums_of_its_mates(dtype: torch.dtype) -> None:
     n = given(17, dtype)

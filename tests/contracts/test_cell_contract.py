@@ -20,7 +20,6 @@ B, S, N, WIDTH = 6, 4, 7, 3
 QUICK = {
     ("soft", "representation"),
     ("reallocating_always", "state"),
-    ("soft", "state/default"),
 }
 
 

@@ -91,6 +91,7 @@ def test_a_training_ends_when_all_is_right_twice_running() -> None:
     np.testing.assert_array_equal(found.curve, again.curve)
 
 
+@pytest.mark.slow
 def test_a_short_training_of_the_cell_beats_what_can_be_had_without_matching_keys() -> None:
     cfg = PeersConfig(
         **{"hidden_size": 16, "n_slots": 3, "rates": {"memory": 0.01}},

@@ -35,7 +35,7 @@ def same(one: Sequence[mt.CellState], other: Sequence[mt.CellState], at: int) ->
             close(a[at].double(), b[0].double())
 
 
-@pytest.mark.parametrize("engine", ["torch", "compiled"])
+@pytest.mark.parametrize("engine", ["torch", pytest.param("compiled", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("options", [{}, {"num_layers": 2, "bidirectional": True}])
 def test_padded_and_packed_give_the_numbers_of_one_sequence_at_a_time(
     engine: str, options: dict[str, object]
@@ -82,7 +82,7 @@ def test_a_sequence_takes_lengths_and_packed_ones_too() -> None:
     close(both, sequence(x, valid=valid & inside)[0])
 
 
-@pytest.mark.parametrize("engine", ["torch", "compiled"])
+@pytest.mark.parametrize("engine", ["torch", pytest.param("compiled", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("fill", [float("nan"), float("inf")])
 def test_what_pads_reaches_nothing_not_even_a_gradient(engine: str, fill: float) -> None:
     layers, x, dt = make(2, engine=engine, bidirectional=True), randn(T, 4, WIDTH), randn(T, 4)
@@ -206,6 +206,7 @@ def test_what_does_not_fit_is_named() -> None:
         make(2, features=nn.Linear(WIDTH, N))
 
 
+@pytest.mark.slow
 def test_functional_call_and_autocast_give_the_same() -> None:
     layers, x = make(2, engine="auto"), randn(T, 2, WIDTH)
     parameters = dict(layers.named_parameters())
@@ -218,6 +219,7 @@ def test_functional_call_and_autocast_give_the_same() -> None:
     assert float((loose - single(x.float())[0]).detach().abs().max()) < 0.1
 
 
+@pytest.mark.slow
 def test_vmap_and_compile_give_the_same() -> None:
     layers, x = make(2, engine="auto", return_state=False), randn(3, 4, 2, WIDTH)
     each = torch.stack([layers(one) for one in x])
@@ -229,6 +231,7 @@ def test_vmap_and_compile_give_the_same() -> None:
     close(torch.compile(layers, backend="eager")(x[0]), each[0])
 
 
+@pytest.mark.slow
 def test_a_short_one_is_exported_and_loaded() -> None:
     layers, x = make(2, return_state=False), randn(4, 2, WIDTH)
     exported = torch.export.export(layers, (x,)).module()
