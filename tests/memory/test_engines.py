@@ -27,6 +27,15 @@ def test_it_says_which_engine_takes_it_and_why() -> None:
         mt.MemorySequence(make_cell(), engine="fast")
 
 
+def test_cells_that_differ_in_one_option_do_not_share_a_program() -> None:
+    x = randn(6, 2, WIDTH)
+    for options in ({"clock": True}, {}, {"writing": "next"}, {"reset": "raw"}):
+        cell = make_cell(key_rule=mt.StateKeys(), **options)
+        expected = mt.MemorySequence(cell, engine="torch")(x)[0]
+        found = mt.MemorySequence(cell, engine="compiled")(x)[0]
+        torch.testing.assert_close(found, expected, rtol=0, atol=1e-13)
+
+
 class Counting(mt.SoftAttention):
     """An attention that asks Python for a number."""
 

@@ -62,9 +62,8 @@ def run(
     held = Held.of(cell, cell.stepped)
     rows = Rows(held.rows(batch), segments, carry)
     prints = Fingerprint()
-    inside = tuple((name, prints.of(cell.get_submodule(name))) for name in cell.stepped)
-    own = cell.writing
-    key = (SequenceStep, type(cell), own, inside, tuple(m is None for m in marks))
+    # Of the whole cell: options that have no part of their own decide in a step too.
+    key = (SequenceStep, prints.of(cell), tuple(m is None for m in marks))
     shown = 1 if cell.inertia is None else 2  # the read, and features that have a state
     program = program_of(key, prints, lambda: SequenceStep(cell, held.names, marks), rows, shown)
     job, tensors = job_of(program, rows)
