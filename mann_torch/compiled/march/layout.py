@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
+import torch
 from torch import Tensor
 
 from ..graph.nodes import Graph, Node, Shape
@@ -24,6 +25,12 @@ class Leaf(NamedTuple):
     shape: Shape
     kind: str = "f"
     shared: bool = False
+
+    @classmethod
+    def of(cls, x: Tensor, shared: bool = False) -> Leaf:
+        """That of a tensor as one sample has it."""
+        kind = "f" if x.is_floating_point() else "b" if x.dtype == torch.bool else "i"
+        return cls(tuple(x.shape), kind, shared)
 
     @property
     def place(self) -> str:
@@ -84,6 +91,16 @@ class Layout:
             places.append((array, ends[array]))
             ends[array] += math.prod(leaf.shape)
         return tuple(places)
+
+    def carried(self, f: Tensor, k: Tensor, shape: tuple[int, ...]) -> list[Tensor]:
+        """Leaves (*shape, *event) of the carry from its two arrays (..., F) and (..., K)."""
+        found = []
+        for leaf, (array, offset) in zip(self.carry, self.carry_places, strict=True):
+            source = f if array == "f" else k
+            end = offset + math.prod(leaf.shape)
+            value = source[..., offset:end].reshape((*shape, *leaf.shape))
+            found.append(value != 0 if leaf.kind == "b" else value)
+        return found
 
     def size(self, name: str) -> int:
         """Numbers a sample has in an array: constant, shared, whole, segment, noise, f or k."""

@@ -15,7 +15,7 @@ from ...compiled import Fingerprint, check_agreement, frozen, march, with_tensor
 from ..cells.cell import MemoryCell
 from ..cells.cell_state import CellState, Looked
 from ..sequences.steps import Marks, stepped
-from .programs import Held, Rows, job_of, leaves_of, program_of
+from .programs import Held, Rows, job_of, program_of
 
 
 class SequenceStep:
@@ -70,7 +70,7 @@ def run(
     backward = torch.is_grad_enabled() and any(t.requires_grad for t in tensors)
     check_agreement(program, job.lanes_used, job.wanted if backward else None)
     found = march(job, *tensors)
-    last = leaves_of(program.layout, found.state_f[0], found.last_k, batch)[1:]
+    last = program.layout.carried(found.state_f[0], found.last_k, tuple(batch))[1:]
     motion = found.motion.reshape((T, *batch, -1)).to(device)
     reads, *own = motion.split(N, dim=-1)
     hidden = own[0] if own else looked.hidden

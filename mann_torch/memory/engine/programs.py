@@ -112,10 +112,10 @@ def program_of(
     """
     layout = Layout(
         clock=0,
-        constants=tuple(_leaf(row.one(), row.shared) for row in rows.constants),
+        constants=tuple(Leaf.of(row.one(), row.shared) for row in rows.constants),
         segments=tuple(tuple(s.shape[2:]) for s in rows.segments),
         noise=(),
-        carry=tuple(_leaf(c[0]) for c in rows.carry),
+        carry=tuple(Leaf.of(c[0]) for c in rows.carry),
         n_motion=sum(leaf[0].numel() for leaf in rows.carry[:shown]),
         watched=(),
     )
@@ -177,18 +177,3 @@ def _flat(tensors: Sequence[Tensor], shape: tuple[int, ...], dtype: torch.dtype)
     """Tensors (*shape, *event) side by side: (*shape, M); a mask is 0 or -1."""
     columns = [(-t.long() if t.dtype == torch.bool else t).reshape(*shape, -1) for t in tensors]
     return torch.cat(columns, dim=-1) if columns else torch.zeros(*shape, 0, dtype=dtype)
-
-
-def leaves_of(layout: Layout, f: Tensor, k: Tensor, batch: torch.Size) -> list[Tensor]:
-    """Leaves (*batch, *event) of the carry from its two arrays (B, F) and (B, K)."""
-    found = []
-    for leaf, (array, offset) in zip(layout.carry, layout.carry_places, strict=True):
-        size = torch.Size(leaf.shape).numel()
-        value = (f if array == "f" else k)[:, offset : offset + size].reshape((*batch, *leaf.shape))
-        found.append(value != 0 if leaf.kind == "b" else value)
-    return found
-
-
-def _leaf(x: Tensor, shared: bool = False) -> Leaf:
-    kind = "f" if x.is_floating_point() else "b" if x.dtype == torch.bool else "i"
-    return Leaf(tuple(x.shape), kind, shared)

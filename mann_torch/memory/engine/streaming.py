@@ -13,7 +13,7 @@ from ...errors import DtypeError
 from ..cells.cell import MemoryCell
 from ..cells.cell_state import CellState
 from ..checks import check_within
-from .programs import Held, Rows, job_of, leaves_of, obstacle, program_of
+from .programs import Held, Rows, job_of, obstacle, program_of
 
 
 class StreamStep:
@@ -127,4 +127,4 @@ class Streamed:
     def unpacked(self, state: Tensor) -> CellState:
         """The inverse of `packed`."""
         f, k = self._single.unpacked(state)
-        return CellState(*leaves_of(self._program.layout, f, k, self._batch)[1:])
+        return CellState(*self._program.layout.carried(f, k, tuple(self._batch))[1:])

@@ -236,11 +236,6 @@ def _tree(template: LoopState, parts: Sequence[Tensor]) -> LoopState:
 
 def _carry(program: Program, f: Tensor, k: Tensor, shape: tuple[int, ...]) -> list[Tensor]:
     """Leaves (*shape, *event) of the carry from its two arrays."""
-    layout, found = program.layout, []
-    for leaf, (array, offset) in zip(layout.carry, layout.carry_places, strict=True):
-        source = f if array == "f" else k
-        size = torch.Size(leaf.shape).numel()
-        value = source[: shape[0]] if source.dim() == 3 else source
-        value = value[..., offset : offset + size].reshape((*shape, *leaf.shape))
-        found.append(value != 0 if leaf.kind == "b" else value)
-    return found
+    if f.dim() == 3:  # of the rows that were come to
+        f, k = f[: shape[0]], k[: shape[0]]
+    return program.layout.carried(f, k, shape)

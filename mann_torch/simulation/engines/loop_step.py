@@ -88,10 +88,10 @@ class LoopStep:
         recorded = [x.numel() for x in state[:plant]] + self.sum_widths
         return Layout(
             clock=CLOCK + EFFORT_CLOCK * self._effort + SPAN * self._spans + TICKS * self._ticks,
-            constants=tuple(_leaf(c) for c in constants),
+            constants=tuple(Leaf.of(c) for c in constants),
             segments=tuple(tuple(s.shape) for s in segments),
             noise=((self._noise,),) if self._noise else (),
-            carry=tuple(_leaf(x) for x in tensors),
+            carry=tuple(Leaf.of(x) for x in tensors),
             # All but the last input, which only the next step reads.
             n_motion=sum(recorded[: len(recorded) - self._effort]),
             watched=(*range(plant), *range(plant + sums, sums + len(state))),
@@ -205,11 +205,6 @@ def _effort(
     size = u.abs()
     higher = counted & (late > 0.5) & (size > peak)
     return [rate, torch.where(higher, size, peak), u]
-
-
-def _leaf(x: Tensor) -> Leaf:
-    kind = "f" if x.is_floating_point() else "b" if x.dtype == torch.bool else "i"
-    return Leaf(tuple(x.shape), kind)
 
 
 def _structure(tree: Any) -> Any:
