@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from ..graph.arithmetic import POINTWISE
 from ..graph.nodes import IndexMap, Node, Shape
 from ..real import DOUBLE, Real
-from .expressions import literal, number, text_of, type_of
+from .expressions import literal, number, text_of, type_of, whole
 from .indices import composed, index_text, linear
 from .plan import SUMS, Group, Output, Plan, make_plan
 from .products import write_product
@@ -209,6 +209,8 @@ class Writer:
         kind = self.real.name if node.kind == "f" else self.real.whole
         masks = {"True": "-1", "False": "0"}
         texts = node.attributes
-        values = [number(t, self.real) if node.kind == "f" else masks.get(t, t) for t in texts]
+        values = [
+            number(t, self.real) if node.kind == "f" else whole(masks.get(t, t)) for t in texts
+        ]
         key = (kind, *values)
         return self.tables.setdefault(key, f"t{len(self.tables)}")
