@@ -38,7 +38,7 @@ _FMA = """#if defined(FP_FAST_FMA@F@) || defined(__FP_FAST_FMA@F@) || defined(__
 """
 
 
-def c99_file(units: Sequence[CUnit], prefix: str = "", libm: bool = True) -> str:
+def c99_file(units: Sequence[CUnit], prefix: str, libm: bool = True) -> str:
     """The steps with the functions that they share, all static: the file's own come after.
 
     With `libm` <math.h> gives square roots, rounding, fma, and sin, cos, tan beyond 1e9 and fmod
@@ -48,7 +48,7 @@ def c99_file(units: Sequence[CUnit], prefix: str = "", libm: bool = True) -> str
     used = frozenset[str]().union(*(unit.used for unit in units))
     text = library(used, real, libm, prefix)
     head = _HEAD.replace("@MATH@", "#include <math.h>" if libm else "")
-    return "\n".join([head, _macros(text, prefix), text, "", *(unit.text for unit in units)])
+    return "\n".join([head, _macros(text, prefix), text, "", *(u.text for u in units)]) + "\n"
 
 
 def _macros(text: str, prefix: str) -> str:

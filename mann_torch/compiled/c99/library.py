@@ -15,7 +15,10 @@ from .machine import machine
 _HEAD = re.compile(r"^(?:fn|slow) [\w:* ]+ (\w+)\(")
 _CALL = re.compile(r"(?<![\w:.>])((?:Wide::)?[A-Za-z_]\w*)(?=\()")
 # What is spread over one lane is itself, but for a conversion.
-_SPLAT = {8: re.compile(r"\bsplat\((\w[\w.]*(?:(?<=[ep])[+-]\d+)?)\)"), 4: re.compile(r"\bsplat\((\w[\w.]*(?:(?<=p)[+-]\d+)?f)\)")}
+_SPLAT = {
+    8: re.compile(r"\bsplat\((\w[\w.]*(?:(?<=[ep])[+-]\d+)?)\)"),
+    4: re.compile(r"\bsplat\((\w[\w.]*(?:(?<=p)[+-]\d+)?f)\)"),
+}
 #: The integers of a number's bits.
 WHOLE = {8: "int64_t", 4: "int32_t"}
 

@@ -53,7 +53,7 @@ class _Writer(Writer):
         return self._places.get((array, offset), (array, offset))
 
 
-def c99_function(program: Program, name: str, prefix: str = "", baked: bool = False) -> CUnit:
+def c99_function(program: Program, name: str, prefix: str, baked: bool = False) -> CUnit:
     """The program's step: `void prefix_name(constant, segment, whole, f, k, f_out, k_out)`.
 
     `constant` and `whole` hold all that the program may be given (`constants_in`), used or not; if
