@@ -84,6 +84,14 @@ class Controller(Interface, DesignModule):
         """Discrete decisions at one instant: the state after them, and the new mode."""
         return state, mode
 
+    def held(self, before: ControllerTree, after: ControllerTree) -> ControllerTree:
+        """The state `after`, but for what adapts, which is as it was `before`; here nothing adapts.
+
+        A deployed controller whose adaptation is frozen moves so (`mann_torch.deploy`), and its
+        mode stays.
+        """
+        return after
+
     def initial_weights(
         self, batch_shape: Sequence[int], generator: torch.Generator | None = None
     ) -> Any:

@@ -138,7 +138,7 @@ class MannController(AdaptiveController):
         drive = self.driven(reference, seen, found, state)
         rates = self.approximator.rates(found, drive, state, mode)
         signals = ControlSignals(tracking, found.features, found.read, found.weights, gain)
-        return ControlOutput(u, rates, signals)
+        return ControlOutput(u, rates, signals, self.forgets(state, found))
 
     def input_gains(
         self, reference: ReferenceSample, output: ControlOutput, state: ControllerState

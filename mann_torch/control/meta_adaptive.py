@@ -145,7 +145,8 @@ class MetaAdaptive(AdaptiveController):
         rates = self.approximator.rates(found, drive, state.adaptive, mode)
         signals = MetaAdaptiveSignals(tracking, found.features, found.read, found.weights, force)
         kept = None if state.integral is None else r
-        return ControlOutput(u, MetaAdaptiveState(rates, kept), signals)
+        forgets = self.forgets(state, found)
+        return ControlOutput(u, MetaAdaptiveState(rates, kept), signals, forgets)
 
     def input_gains(
         self, reference: ReferenceSample, output: ControlOutput, state: MetaAdaptiveState

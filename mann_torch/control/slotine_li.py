@@ -141,6 +141,10 @@ class SlotineLi(Controller):
         kept, mode = self.law.jump(drive, state.estimate, state.laws, mode)
         return state._replace(laws=kept), mode
 
+    def held(self, before: SlotineLiState, after: SlotineLiState) -> SlotineLiState:
+        """Estimates and what their law keeps stay."""
+        return after._replace(estimate=before.estimate, laws=before.laws)
+
     def input_gains(
         self, reference: ReferenceSample, output: ControlOutput, state: SlotineLiState
     ) -> InputGains:
