@@ -69,7 +69,7 @@ def test_random_graphs_are_those_of_the_kernels(
     made, given = together(number, count, single)
     real = made.program.layout.real
     expected = made.run(given)
-    text = c99_file([c99_function(made.program, "step", "p_")], "p_") + entry(made.program, "p_")
+    text = c99_file([c99_function(made.program, "p_step")], "p_") + entry(made.program, "p_")
     for flags in (FMA, NO_FMA) if X86 else ((),):
         library = loaded(compiled(text, tmp_path, compiler, *flags), compiler)
         for row in range(min(count, 5)):
@@ -91,10 +91,10 @@ def test_constants_in_the_text_are_those_that_are_given(tmp_path: Path) -> None:
     made, given = together(0, 6, False)
     row, real = 2, made.program.layout.real
     own = arrays(made, given, row)
-    text = c99_file([c99_function(made.program, "step", "a_")], "a_") + entry(made.program, "a_")
+    text = c99_file([c99_function(made.program, "a_step")], "a_") + entry(made.program, "a_")
     text += c99_literals("b_constant", torch.from_numpy(own["constant"]), real)
     text += c99_literals("b_whole", torch.from_numpy(own["whole"]), real)
-    unit = c99_function(made.program, "step", "b_", baked=True)
+    unit = c99_function(made.program, "b_step", baked="b_")
     text += c99_file([unit], "b_") + entry(made.program, "b_", baked=True)
     library = loaded(compiled(text, tmp_path))  # two in one file: no name is taken twice
     library.a_run(*map(pointer, own.values()))
@@ -137,7 +137,7 @@ def large(clock, constants, segments, noise, carry) -> list[Tensor]:
 )
 def test_what_c_cannot_say_is_refused_in_a_line(program, words: str) -> None:
     with pytest.raises(ExportError, match=words) as found:
-        c99_function(program(), "step", "p_")
+        c99_function(program(), "step")
     assert "\n" not in str(found.value) and "step" in str(found.value)
 
 
@@ -147,7 +147,7 @@ def test_the_smallest_integer_has_a_text(tmp_path: Path) -> None:
 
     layout = Layout(0, (), (), (), (Leaf((2,), "i"),), 0, ())
     program = Program(step, layout, [torch.tensor([5, 6])])
-    text = c99_file([c99_function(program, "step", "p_")], "p_") + entry(program, "p_")
+    text = c99_file([c99_function(program, "p_step")], "p_") + entry(program, "p_")
     none, k = np.zeros(0), np.array([-(2**63), -(2**63)])
     out = np.zeros(2, np.int64)
     run = loaded(compiled(text, tmp_path)).p_run

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from mann_torch.compiled.c99 import CUnit, c99_file
-from mann_torch.compiled.c99.library import calls, named
 from mann_torch.compiled.real import DOUBLE, FLOAT, Real
 
 from . import test_lane_maths as lanes
@@ -23,7 +22,7 @@ MORE = 1.0
 only_x86 = pytest.mark.skipif(not X86, reason="no flag takes fma from this machine")
 
 
-def unit(real: Real, prefix: str = "p_") -> CUnit:
+def unit(real: Real) -> CUnit:
     """A function over arrays of each function of the library."""
     lines = []
     for name in NAMES:
@@ -32,7 +31,7 @@ def unit(real: Real, prefix: str = "p_") -> CUnit:
         value = f"{name}_(x[i], y[i])" if name in lanes.BINARY else f"{name}_(x[i])"
         lines.append(f"{head};\n{head} {{ {rest}for (int i = 0; i < n; ++i) out[i] = {value}; }}")
     text = "\n".join(lines)
-    return CUnit("all", real, named(text, real, prefix), calls(text, real), 0)
+    return CUnit(real, text)
 
 
 def apply(library: ctypes.CDLL, name: str, *args: Points) -> Points:
@@ -121,7 +120,7 @@ def test_square_roots_without_a_library_are_rounded_correctly(
     text = "void roots(const V* x, V* out, int n);\n"
     text += "void roots(const V* x, V* out, int n) { for (int i = 0; i < n; ++i) "
     text += "out[i] = sqrt_(x[i]); }"
-    made = CUnit("roots", DOUBLE, named(text, DOUBLE, "p_"), calls(text, DOUBLE), 0)
+    made = CUnit(DOUBLE, text)
     object_file = compiled(c99_file([made], "p_", libm=False), tmp_path, "gcc", *flags)
     assert undefined(object_file) == set()
     bits = np.random.default_rng(0).integers(0, 2**63, 200_000)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from torch import Tensor
 
 from ..cpp.expressions import number, whole
-from ..real import Real
-from .library import WHOLE, library
+from ..real import DOUBLE, FLOAT, Real
+from .library import WHOLE, called, calls, library, named
 from .machine import FUSED
 from .unit import CUnit
 
@@ -39,16 +39,18 @@ _FMA = """#if defined(FP_FAST_FMA@F@) || defined(__FP_FAST_FMA@F@) || defined(__
 
 
 def c99_file(units: Sequence[CUnit], prefix: str, libm: bool = True) -> str:
-    """The steps with the functions that they share, all static: the file's own come after.
+    """The functions with all that they call, named with a prefix: the file's own come after.
 
-    With `libm` <math.h> gives square roots, rounding, fma, and sin, cos, tan beyond 1e9 and fmod
-    beyond quotients of 2^52; without, those beyond are NaN, and nothing is linked.
+    In a file of float32, functions in float64 call what float32's are made of. With `libm`
+    <math.h> gives square roots, rounding, fma, and sin, cos, tan beyond 1e9 and fmod beyond
+    quotients of 2^52; without, those beyond are NaN, and nothing is linked.
     """
-    (real,) = {unit.real for unit in units}
-    used = frozenset[str]().union(*(unit.used for unit in units))
-    text = library(used, real, libm, prefix)
+    real = FLOAT if any(unit.real is FLOAT for unit in units) else DOUBLE
+    own = [called(unit.text, unit.real, real) for unit in units]
+    text = library(calls("\n".join(own), real), real, libm, prefix)
     head = _HEAD.replace("@MATH@", "#include <math.h>" if libm else "")
-    return "\n".join([head, _macros(text, prefix), text, "", *(u.text for u in units)]) + "\n"
+    parts = [head, _macros(text, prefix), text, "", *(named(t, real, prefix) for t in own)]
+    return "\n".join(parts) + "\n"
 
 
 def _macros(text: str, prefix: str) -> str:

@@ -14,10 +14,10 @@ from .machine import machine
 
 _HEAD = re.compile(r"^(?:fn|slow) [\w:* ]+ (\w+)\(")
 _CALL = re.compile(r"(?<![\w:.>])((?:Wide::)?[A-Za-z_]\w*)(?=\()")
-# What is spread over one lane is itself, but for a conversion.
+# A number spread over one lane is itself; without a suffix it is one of float64.
 _SPLAT = {
-    8: re.compile(r"\bsplat\((\w[\w.]*(?:(?<=[ep])[+-]\d+)?)\)"),
-    4: re.compile(r"\bsplat\((\w[\w.]*(?:(?<=p)[+-]\d+)?f)\)"),
+    8: re.compile(r"\bsplat\((-?)(\w[\w.]*(?:(?<=[ep])[+-]\d+)?)\)"),
+    4: re.compile(r"\bsplat\((-?)(\w[\w.]*(?:(?<=p)[+-]\d+)?f)\)"),
 }
 #: The integers of a number's bits.
 WHOLE = {8: "int64_t", 4: "int32_t"}
@@ -67,8 +67,17 @@ def _typed(text: str, real: Real) -> str:
     text = re.sub(r"Wide::V\b", "double", text)
     text = text.replace("unsigned long long", f"u{whole}").replace("unsigned int", f"u{whole}")
     text = text.replace("long long", whole)
-    text = _SPLAT[real.bytes].sub(r"\1", text)
+    text = _SPLAT[real.bytes].sub(lambda m: f"(-{m[2]})" if m[1] else m[2], text)
     return re.sub(r"\bV\b", real.name, re.sub(r"\bM\b", whole, text))
+
+
+def called(text: str, own: Real, real: Real) -> str:
+    """Text in one arithmetic with C's types, its calls those of a file in another, or the same."""
+    known = functions(own, True)
+    wide = "" if own is real else "Wide::"
+    return _CALL.sub(
+        lambda m: wide + m.group(1) if m.group(1) in known else m.group(1), _typed(text, own)
+    )
 
 
 def calls(text: str, real: Real) -> frozenset[str]:

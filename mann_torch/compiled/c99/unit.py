@@ -18,7 +18,6 @@ from ..graph.nodes import reachable
 from ..march.layout import Layout
 from ..march.program import Program
 from ..real import Real
-from .library import calls, named
 
 #: Bytes of arrays that a step may keep on the stack.
 STACK = 256 * 1024
@@ -31,13 +30,11 @@ _CANNOT = {"clock": "the time", "noise": "random numbers"}
 
 
 class CUnit(NamedTuple):
-    """A function's text, what it calls of the library, and the bytes of its arrays."""
+    """A function: its text as lanes have it, and the bytes of its arrays."""
 
-    name: str
     real: Real
     text: str
-    used: frozenset[str]
-    stack: int
+    stack: int = 0
 
 
 class _Writer(Writer):
@@ -53,18 +50,17 @@ class _Writer(Writer):
         return self._places.get((array, offset), (array, offset))
 
 
-def c99_function(program: Program, name: str, prefix: str, baked: bool = False) -> CUnit:
-    """The program's step: `void prefix_name(constant, segment, whole, f, k, f_out, k_out)`.
+def c99_function(program: Program, name: str, baked: str | None = None) -> CUnit:
+    """The program's step: `static void NAME(constant, segment, whole, f, k, f_out, k_out)`.
 
     `constant` and `whole` hold all that the program may be given (`constants_in`), used or not; if
-    `baked` they are no parameters but arrays of the file, `prefixconstant` and `prefixwhole`.
+    `baked` says how, they are no parameters but arrays of the file, BAKEDconstant and BAKEDwhole.
     Results must not overlap with what is given. Raises `ExportError` for what C cannot say.
     """
     real = program.layout.real
     (outputs,) = program.scope.outputs
     _check(name, outputs)
-    kept = prefix if baked else ""
-    writer = _Writer(outputs, real, _places(program, kept))
+    writer = _Writer(outputs, real, _places(program, baked or ""))
     lines = writer.text()
     arrays = writer.plan.arrays
     stack = sum(size for size, _ in arrays.values()) * real.bytes
@@ -78,7 +74,9 @@ def c99_function(program: Program, name: str, prefix: str, baked: bool = False) 
         for (kind, *values), table in writer.tables.items()
     ]
     declared = [f"{type_of(kind)} {array}[{n}];" for array, (n, kind) in arrays.items()]
-    given = {array: kind for array, kind in GIVEN.items() if not baked or array not in CONSTANTS}
+    given = {
+        array: kind for array, kind in GIVEN.items() if baked is None or array not in CONSTANTS
+    }
     text = "\n".join(lines)
     unread = [
         f"(void){array};" for array in (*given, *RESULTS) if not re.search(rf"\b{array}\[", text)
@@ -86,8 +84,8 @@ def c99_function(program: Program, name: str, prefix: str, baked: bool = False) 
     body = "\n".join(f"  {line}" for line in [*tables, *declared, *unread, *lines])
     parameters = [f"const {type_of(kind)}* restrict {array}" for array, kind in given.items()]
     parameters += [f"{type_of(kind)}* restrict {array}" for array, kind in RESULTS.items()]
-    text = f"static void {prefix}{name}({', '.join(parameters)}) {{\n{body}\n}}\n"
-    return CUnit(name, real, named(text, real, prefix), calls(text, real), stack)
+    text = f"static void {name}({', '.join(parameters)}) {{\n{body}\n}}\n"
+    return CUnit(real, text, stack)
 
 
 def constants_in(layout: Layout, values: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
