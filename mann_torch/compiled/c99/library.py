@@ -28,14 +28,13 @@ def functions(real: Real, libm: bool) -> Mapping[str, str]:
     """Name -> text, with the comment above it; float64's as `Wide::name` beside float32's."""
     narrow, own = machine(real, libm)
     if real is DOUBLE:
-        return _split(SCALAR + narrow + own + CHOICES + DOUBLES + LINEAR)
+        return _split(_typed(SCALAR + narrow + own + CHOICES + DOUBLES + LINEAR, real))
     wide = functions(DOUBLE, libm)
     found = {
-        f"Wide::{name}": _CALL.sub(lambda m: _wide(m, wide), _typed(text, DOUBLE))
-        for name, text in wide.items()
+        f"Wide::{name}": _CALL.sub(lambda m: _wide(m, wide), text) for name, text in wide.items()
     }
     text = narrowed(SCALAR + narrow + CHOICES) + own + single_functions(1) + LINEAR
-    return {**found, **_split(text)}
+    return {**found, **_split(_typed(text, real))}
 
 
 def _wide(call: re.Match[str], wide: Mapping[str, str]) -> str:
@@ -87,14 +86,14 @@ def calls(text: str, real: Real) -> frozenset[str]:
 
 
 def named(text: str, real: Real, prefix: str) -> str:
-    """Text of a function that calls the library's, with C's types and the names they have there."""
+    """Text of a function, with the names that what it calls of the library has in a file."""
     known = functions(real, True)
 
     def call(found: re.Match[str]) -> str:
         name = found.group(1)
         return prefix + name.replace("Wide::", "wide_") if name in known else name
 
-    text = _CALL.sub(call, _typed(text, real)).replace("libm::", "")
+    text = _CALL.sub(call, text).replace("libm::", "")
     return re.sub(r"\bHAVE_FMA(F?)\b", rf"{prefix.upper()}HAVE_FMA\1", text)
 
 
