@@ -23,7 +23,7 @@ test: @.o test_@.c
 	./test_@
 
 sanitize: @.c @.h test_@.c
-	$(CC) $(FLAGS) -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all \\
+	$(CC) $(FLAGS) -O0 -g -fsanitize=address,undefined -fno-sanitize-recover=all \\
 		test_@.c @.c -o sanitized_@@LIBM@
 	./sanitized_@
 
