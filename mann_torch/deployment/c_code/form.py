@@ -20,7 +20,7 @@ from ...compiled.real import DOUBLE, REALS, Real
 from ...errors import ConfigError, ExportError
 from ...trees import leaf_paths, leaves, map_tensors
 from ..ports import Ports
-from ..programs import start_program, step_program, values_of
+from ..programs import start_program, step_program
 
 if TYPE_CHECKING:
     from ..stepper import Stepper
@@ -90,17 +90,7 @@ class Form:
     @cached_property
     def constants(self) -> tuple[Field, ...]:
         """Every constant and first value that the controller holds."""
-        return _fields(list(self.values), list(self.values.values()))
-
-    @cached_property
-    def values(self) -> dict[str, Tensor]:
-        """The constants, by their names in Python, in the precision of the steps."""
-        return values_of(self.stepper.tick, self.stepper.dtype)
-
-    @cached_property
-    def first_values(self) -> dict[str, Tensor]:
-        """The constants in float64, which a start is computed in."""
-        return values_of(self.stepper.tick, torch.float64)
+        return _fields(list(self.stepper.values), list(self.stepper.values.values()))
 
     @cached_property
     def step(self) -> Program:

@@ -33,7 +33,7 @@ enum {{
   {NAME}_INPUT = {input},  // numbers out
   {NAME}_F = {n_f},  // numbers of the state
   {NAME}_K = {n_k},
-  {NAME}_BYTES = {bytes}  // of a saved state
+  {NAME}_STATE_BYTES = {bytes}  // of a saved state
 }};
 
 // Flags of a step.

@@ -220,7 +220,7 @@ def replay(form: Form, record: Record) -> str:
         "$LAST_K": _lines([whole(str(v)) for v in k.tolist()] or ["0"], 8),
         "$ROOM_K": str(max(n_k, 1)),
         "$REFUSED": f"{name.upper()}_REFUSED",
-        "$BYTES": f"{name.upper()}_BYTES",
+        "$BYTES": f"{name.upper()}_STATE_BYTES",
         "$R": f"{name.upper()}_REFERENCE",
         "$Y": f"{name.upper()}_MEASUREMENT",
         "$M": f"{name.upper()}_INPUT",

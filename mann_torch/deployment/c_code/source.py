@@ -104,7 +104,7 @@ def source(form: Form) -> str:
         "$MARK": "  " + ", ".join(str(b) for b in MAGIC + form.stepper.blob.mark),
         "$REFUSED": f"{name.upper()}_REFUSED",
         "$DIVERGED": f"{name.upper()}_DIVERGED",
-        "$BYTES": f"{name.upper()}_BYTES",
+        "$BYTES": f"{name.upper()}_STATE_BYTES",
         "$BITS": f"uint{8 * form.real.bytes}_t",
         "$WIDTH": str(form.real.bytes),
         "$R": f"{name.upper()}_REFERENCE",
@@ -145,7 +145,7 @@ def _constants(form: Form) -> str:
     text = "\n".join(unit.text for unit in form.units)
     found = []
     first, own = form.baked
-    sets = {first: (form.start, form.first_values), own: (form.step, form.values)}
+    sets = {first: (form.start, form.stepper.exact), own: (form.step, form.stepper.values)}
     for prefix, (program, held) in sets.items():
         given = program.given
         arrays = ("constant", "whole")
@@ -156,7 +156,7 @@ def _constants(form: Form) -> str:
 
 
 def _value(form: Form, path: str, many: bool) -> str:
-    x = form.values[path]
+    x = form.stepper.values[path]
     if x.is_floating_point():
         texts = [number(repr(v), form.real) for v in x.reshape(-1).tolist()]
     else:
