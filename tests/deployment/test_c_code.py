@@ -140,7 +140,7 @@ def test_what_is_wrong_is_named(stepper: mt.Stepper, tmp_path: Path) -> None:
     for name in ("Big", "1st", "a b", "int", "", "x" * 42, "a-b"):
         with pytest.raises(ConfigError, match="C identifier"):
             stepper.to_c(tmp_path / "out", name)
-    with pytest.raises(ConfigError, match="constants = 'hot': choose one of baked, struct"):
+    with pytest.raises(ConfigError, match="constants = 'hot': choose from baked, struct"):
         stepper.to_c(tmp_path / "out", constants="hot")
     with pytest.raises(KindError, match="libm"):
         stepper.to_c(tmp_path / "out", libm="yes")
