@@ -7,12 +7,12 @@ import shutil
 import subprocess
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
 import mann_torch as mt
+from mann_torch.deployment import Stepped
 from mann_torch.deployment.c_code.form import form_of
 from mann_torch.deployment.c_code.makefile import FLAGS
 from tests.compiled.c99_building import FMA
@@ -38,52 +38,64 @@ def made(folder: Path, *goals: str, compiler: str = "gcc", flags: str = "-O2") -
 
 
 class InC:
-    """The functions of a folder, with fma where there is one."""
+    """An exported controller with fma, if there is one, as its stepper is called.
 
-    def __init__(self, stepper: mt.Stepper, folder: Path, settable: bool, *flags: str) -> None:
+    A flat state is what lies in the C state, but for the flags at its end.
+    """
+
+    def __init__(self, stepper: mt.Stepper, folder: Path, constants: str = "baked") -> None:
+        stepper.to_c(folder, NAME, constants)
         library = folder / f"lib{NAME}_{len(list(folder.iterdir()))}.so"
-        source = str(folder / f"{NAME}.c")
-        command = [needs("gcc"), *FLAGS, "-O2", *(flags or FMA), "-shared", "-fPIC", source]
+        command = [needs("gcc"), *FLAGS, "-O2", *FMA, "-shared", "-fPIC", str(folder / f"{NAME}.c")]
         subprocess.run([*command, "-o", str(library), "-lm"], check=True)
-        self._c = ctypes.CDLL(str(library))
-        form = form_of(stepper, NAME, "struct" if settable else "baked", True)
-        self._form, self._dtype = form, np.dtype(f"f{form.real.bytes}")
-        self._bytes = form.bytes
-        self._state = np.zeros(
-            (form.size("f") + max(form.size("k"), 1)) * form.real.bytes, np.uint8
-        )
+        self._c, self.stepper = ctypes.CDLL(str(library)), stepper
+        self._bytes = form_of(stepper, NAME, constants, True).bytes
+        self.unpacked = stepper.unpacked
+        self.constants = self._defaults(constants) if constants == "struct" else None
+
+    def _defaults(self, constants: str) -> Tensor:
+        form = form_of(self.stepper, NAME, constants, True)
         count = form.count("f") + form.count("k")
-        self.constants: np.ndarray | None = None
-        if settable:
-            kind = ctypes.c_char * (count * form.real.bytes)
-            defaults = self._c.ctl_default_constants
-            defaults.restype = type("Constants", (ctypes.Structure,), {"_fields_": [("x", kind)]})
-            self.constants = np.frombuffer(bytes(defaults()), self._dtype).copy()
+        kind = ctypes.c_char * (count * form.real.bytes)
+        defaults = self._c.ctl_default_constants
+        defaults.restype = type("Constants", (ctypes.Structure,), {"_fields_": [("x", kind)]})
+        return torch.frombuffer(bytearray(bytes(defaults())), dtype=form.real.dtype)
 
-    def _call(self, function: str, *arrays: np.ndarray, adapt: bool | None = None) -> int:
-        given = [self._state] if self.constants is None else [self._state, self.constants]
-        out = [] if adapt is None else [ctypes.c_int(adapt), _at(arrays[-1])]
-        ins = arrays if adapt is None else arrays[:-1]
-        return getattr(self._c, f"ctl_{function}")(*map(_at, [*given, *ins]), *out)
+    def _given(self, state: Tensor) -> list[ctypes.c_void_p]:
+        constants = [] if self.constants is None else [_at(self.constants)]
+        return [_at(state), *constants]
 
-    def init(self, reference: Tensor, measurement: Tensor, how: str = "init") -> None:
-        self._call(how, reference.numpy(), measurement.numpy())
+    def initial_state(self, reference: Tensor, measurement: Tensor) -> Tensor:
+        state = torch.zeros(self.stepper.size, dtype=self.stepper.dtype)
+        self._c.ctl_init(*self._given(state), _at(reference), _at(measurement))
+        return state
+
+    def reset(self, state: Tensor, reference: Tensor, measurement: Tensor) -> Tensor:
+        state = state.clone()
+        self._c.ctl_reset(*self._given(state), _at(reference), _at(measurement))
+        return state
 
     def step(
-        self, reference: Tensor, measurement: Tensor, adapt: bool = True
-    ) -> tuple[Tensor, int]:
-        out = np.zeros(len(self._form.ports.input), self._dtype)
-        flags = self._call("step", reference.numpy(), measurement.numpy(), out, adapt=adapt)
-        return torch.from_numpy(out), flags
+        self, state: Tensor, reference: Tensor, measurement: Tensor, adapt: bool = True
+    ) -> Stepped:
+        state = state.clone()
+        u = torch.zeros(len(self.stepper.ports.input), dtype=self.stepper.dtype)
+        given = [*self._given(state), _at(reference), _at(measurement)]
+        flags = self._c.ctl_step(*given, ctypes.c_int(adapt), _at(u))
+        return Stepped(u, state, flags)
 
-    def save(self) -> bytes:
-        room = np.zeros(self._bytes, np.uint8)
-        self._c.ctl_save(_at(self._state), _at(room))
-        return room.tobytes()
+    def to_bytes(self, state: Tensor) -> bytes:
+        room = ctypes.create_string_buffer(self._bytes)
+        self._c.ctl_save(_at(state), room)
+        return room.raw
 
-    def restore(self, data: bytes) -> int:
-        return self._c.ctl_restore(_at(self._state), _at(np.frombuffer(data, np.uint8)))
+    def from_bytes(self, data: bytes) -> Tensor | int:
+        """A state, or why it is refused."""
+        state = torch.zeros(self.stepper.size, dtype=self.stepper.dtype)
+        refused = self._c.ctl_restore(_at(state), ctypes.create_string_buffer(data, len(data)))
+        return refused or state
 
 
-def _at(x: np.ndarray) -> ctypes.c_void_p:
-    return ctypes.c_void_p(x.ctypes.data)
+def _at(x: Tensor) -> ctypes.c_void_p:
+    assert x.is_contiguous()
+    return ctypes.c_void_p(x.data_ptr())
