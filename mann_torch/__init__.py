@@ -168,6 +168,7 @@ _OTHERS = (
     "domains",
     "functional",
     "interface",
+    "simulators",
     "statistics",
     "stiff",
     "testing",
