@@ -116,6 +116,13 @@ class Controller(Interface, DesignModule):
         """Raise `ShapeError` if it is no controller for a plant of that many inputs and outputs."""
         return None
 
+    def form(self) -> int | None:
+        """Joints of a controller of `Measurement`, which needs no plant to say what it measures.
+
+        None here: it depends on the plant.
+        """
+        return None
+
     def proximity(
         self, reference: ReferenceSample, measurement: Any, state: ControllerTree, mode: MemoryMode
     ) -> Proximity:

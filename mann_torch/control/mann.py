@@ -107,6 +107,10 @@ class MannController(AdaptiveController):
         """Raise `ShapeError` unless there is an input for each of its outputs."""
         check_joints(self.n_joints, n_inputs, n_outputs)
 
+    def form(self) -> int:
+        """n."""
+        return self.n_joints
+
     def initial_state(
         self,
         reference: ReferenceSample,

@@ -105,6 +105,10 @@ class MetaAdaptive(AdaptiveController):
         """Raise `ShapeError` unless there is an input for each of n outputs."""
         check_joints(self.n_joints, n_inputs, n_outputs)
 
+    def form(self) -> int:
+        """n."""
+        return self.n_joints
+
     def initial_state(
         self,
         reference: ReferenceSample,

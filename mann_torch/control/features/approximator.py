@@ -64,7 +64,7 @@ class Approximator(DesignModule):
             check_needs(law, given)
         self.readouts = readouts
         if readouts is not None:
-            instance("readouts", readouts, Readouts).check_fit(network, given)
+            instance("readouts", readouts, Readouts).fit(network, given)
 
     @property
     def reallocates(self) -> bool:
