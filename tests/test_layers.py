@@ -25,7 +25,7 @@ ALLOWED = {
     "statistics": BASE,
     "figures": BASE,
     "tuning": BASE | {"simulation", "metrics", "statistics"},
-    "simulators": BASE | {"control", "plants", "signals", "parts", "simulation"},
+    "simulators": BASE | {"control", "plants", "signals", "parts", "simulation", "deployment"},
     "testing": BASE | {"memory", "control", "plants", "signals", "parts", "simulation"},
 }
 

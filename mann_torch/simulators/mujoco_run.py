@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from ..checks import POSITIVE, instance, number, wrong
+from ..checks import POSITIVE, flag, instance, number, wrong
+from ..deployment import Ports, Stepper
 from ..errors import ConfigError, ShapeError
 from ..functional import Numbers, as_float64
 from ..signals import Reference
@@ -17,18 +19,7 @@ from ..simulation.step_grid import MERGE
 from ..types import Measurement
 from .mjcf import Payload
 from .mujoco_model import MujocoModel, check_payloads
-
-
-class Stepped(Protocol):
-    """A deployed controller (`mann_torch.deploy`)."""
-
-    period: float
-
-    def initial_state(self, reference: Any, measurement: Any) -> Any:
-        """Before the first tick."""
-
-    def step(self, state: Any, reference: Any, measurement: Any) -> tuple[Tensor, Any, int]:
-        """The input (m,), the state after the tick, and flags."""
+from .policies import start_of
 
 
 @dataclass(frozen=True)
@@ -38,9 +29,10 @@ class MujocoRun:
     t: Tensor  # (K + 1,) [s]
     q: Tensor  # (K + 1, n) [rad or m]
     qd: Tensor  # (K + 1, n)
-    error: Tensor  # (K + 1, p) reference less q of the first p joints
+    error: Tensor  # (K + 1, p) reference less output
     u: Tensor  # (K, m) what the controller commands
-    flags: Tensor  # (K,) int64, as the controller gives them
+    flags: Tensor  # (K,) int64, as the controller gives them (`mann_torch.deployment`)
+    state: Tensor  # (size,) of the controller at the end: it can go on elsewhere
     stopped_at: float | None  # [s] where MuJoCo's numbers ceased to be finite; None: nowhere
 
     @property
@@ -50,7 +42,7 @@ class MujocoRun:
 
 
 def run_in_mujoco(
-    stepper: Stepped,
+    stepper: Stepper,
     model: Any,
     joints: Sequence[str],
     reference: Reference,
@@ -59,70 +51,89 @@ def run_in_mujoco(
     actuators: Sequence[str] | None = None,
     payloads: Sequence[Payload] = (),
     start: tuple[Numbers, Numbers] | None = None,
+    weights: Any = None,
+    state: Tensor | None = None,
+    adapt: bool = True,
 ) -> MujocoRun:
-    """Run a controller of its own `period` [s] for a `horizon` [s].
+    """Run a deployed controller, of its own period, for a `horizon` [s].
 
-    At a tick it gets the reference and a `Measurement` of the joints, in the order of their names,
-    and its input is held until the next. A reference of p < n numbers is that of the first p.
-    `model` and `actuators` are as `MujocoModel` takes them;
-    the model given is left as it is. `payloads` change bodies from the first timestep that begins
-    at their time or later. `start` is (q, qd), (n,) each, at t = 0.
+    At a tick it gets the reference and positions and velocities of the joints, in the order of
+    their names, and its input is held until the next. `model` and `actuators` are as `MujocoModel`
+    takes them; the model given is left as it is. `payloads` change bodies from the first timestep
+    that begins at their time or later. `start` is (q, qd), (n,) each, at t = 0. The controller
+    starts from `state`, one of its own from elsewhere, or from the initial one, of initial adaptive
+    `weights` if they are given; without `adapt` it does not learn.
 
     Raises `ConfigError` for a name that is not in the model, a period that is no whole multiple of
-    the model's timestep, a horizon below the period, `ShapeError` where the numbers of joints,
-    reference and inputs do not go together, `KindError`.
+    the model's timestep, a horizon below the period, a controller of what is not joints,
+    `ShapeError` where the numbers of joints, reference and inputs do not go together, `KindError`.
     """
-    if not (hasattr(stepper, "initial_state") and callable(getattr(stepper, "step", None))):
-        raise wrong("stepper", stepper, "a deployed controller")
+    instance("stepper", stepper, Stepper)
     world = MujocoModel(model, joints, actuators)
     n, horizon = len(world.positions), number("horizon", horizon, POSITIVE)
-    p = instance("reference", reference, Reference).width
-    if p > n or reference.batch_shape != ():
-        raise ShapeError(
-            f"reference has {p} numbers and batch shape {tuple(reference.batch_shape)}: at most "
-            f"one for each of {n} joints, and no batch"
-        )
-    steps = _steps(number("period", stepper.period, POSITIVE), world.timestep)
+    instance("reference", reference, Reference)
+    outputs = _check_ports(stepper.ports, n, world.n_inputs, reference)
+    steps = _steps(stepper.period, world.timestep)
     period, count = steps * world.timestep, round(horizon / (steps * world.timestep))
     if count < 1:
         raise ConfigError(f"horizon = {horizon} s: is below the period, {period} s")
     waiting = check_payloads(world, payloads)
+    begin, adapt = start_of(stepper, weights, state), flag("adapt", adapt)
     world.begin(*_start(start, n))
     times = torch.arange(count + 1, dtype=torch.float64) * period
-    motions, inputs, flags = [], [], []
-    state, stopped = None, None
+    motions, inputs, flags, stopped = [], [], [], None
+    now: Tensor | None = None
     with torch.no_grad():
         samples = reference(times)
-        parts = [part for part in samples.parts if part is not None]
+        wanted = torch.cat(samples.upto(stepper.ports.order), dim=-1).to(stepper.dtype)
         for k, t in enumerate(times.tolist()):
-            motion = Measurement(*map(torch.from_numpy, world.motion()))
-            motions.append(motion)
+            motions.append(torch.from_numpy(np.concatenate(world.motion())))
             if k == count or stopped is not None:
                 break
-            sample = type(samples)(*(part[k] for part in parts))
-            if state is None:
-                state = stepper.initial_state(sample, motion)
-            u, state, flag = stepper.step(state, sample, motion)
-            if u.shape != (world.n_inputs,):
-                raise ShapeError(
-                    f"the controller gives inputs {tuple(u.shape)}: the model takes "
-                    f"({world.n_inputs},)"
-                )
-            inputs.append(u.detach().double())
-            flags.append(int(flag))
-            if not _held(world, u.detach().double().numpy(), t, steps, waiting):
+            seen = motions[-1].to(stepper.dtype)
+            now = begin(wanted[k], seen) if now is None else now
+            u, now, told = stepper.step(now, wanted[k], seen, adapt)
+            inputs.append(u.double())
+            flags.append(told)
+            if not _held(world, inputs[-1].numpy(), t, steps, waiting):
                 stopped = float(times[k + 1])
-    rows = len(motions)
-    q, qd = (torch.stack(column) for column in zip(*motions, strict=True))
+    motion = torch.stack(motions)
+    q, qd = motion.split(n, dim=-1)
     return MujocoRun(
-        t=times[:rows],
+        t=times[: len(q)],
         q=q,
         qd=qd,
-        error=samples.value[:rows] - q[:, :p],
+        error=samples.value[: len(q)] - motion[:, outputs],
         u=torch.stack(inputs),
         flags=torch.tensor(flags),
+        state=instance("state", now, Tensor),
         stopped_at=stopped,
     )
+
+
+def _check_ports(ports: Ports, n: int, n_inputs: int, reference: Reference) -> list[int]:
+    """Places of the outputs in what is measured. Raises `ConfigError`, `ShapeError`."""
+    if not issubclass(ports.measured, Measurement) or ports.output is None:
+        names = ", ".join(channel.name for channel in ports.measurement)
+        raise ConfigError(f"the controller measures {names}: not positions and rates of joints")
+    if ports.widths != (n, n):
+        raise ShapeError(f"joints: {n} of them, the controller measures {ports.widths[0]}")
+    if len(ports.input) != n_inputs:
+        raise ShapeError(
+            f"the controller gives {len(ports.input)} inputs, the model takes {n_inputs}: name as "
+            "many actuators"
+        )
+    if reference.width != ports.width or reference.batch_shape != ():
+        raise ShapeError(
+            f"reference has {reference.width} numbers and batch shape "
+            f"{tuple(reference.batch_shape)}: {ports.width} and none are wanted"
+        )
+    if reference.order < ports.order:
+        raise ConfigError(
+            f"the controller asks for {ports.order} derivatives of its reference, "
+            f"{type(reference).__name__} has {reference.order}"
+        )
+    return list(ports.output)
 
 
 def _steps(period: float, timestep: float) -> int:

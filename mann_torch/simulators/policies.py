@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from ..checks import function, instance, whole, wrong
-from ..errors import ConfigError
+from ..checks import flag, function, instance, whole
+from ..deployment import Stepper
+from ..errors import ConfigError, ShapeError
 from .extras import extra
 
 
@@ -22,16 +25,6 @@ class Policy(Protocol):
 
     def __call__(self, observation: Any, state: Any) -> tuple[Any, Any]:
         """An action (m,) for an observation (n,)."""
-
-
-class Ticked(Protocol):
-    """A deployed controller: state in, state out, a tick a call (`mann_torch.deploy`)."""
-
-    def initial_state(self, reference: Any, measurement: Any) -> Any:
-        """Before the first tick."""
-
-    def __call__(self, state: Any, reference: Any, measurement: Any) -> tuple[Tensor, Any]:
-        """The input (m,), and the state after the tick."""
 
 
 @dataclass(frozen=True)
@@ -52,33 +45,72 @@ class Run:
 
     @property
     def srmse(self) -> Any:
-        """Root mean square of the error at the starts of periods (p,), in the outputs' units."""
-        return np.sqrt(np.square(self.errors[:-1]).mean(axis=0))
+        """Root mean square of the errors (p,), in the outputs' units, as `mann_torch.srmse`."""
+        return np.sqrt(np.square(self.errors).mean(axis=0))
 
 
-def as_policy(stepper: Ticked, env: Any) -> Policy:
-    """A deployed controller as a policy of this environment, of its own period.
+def as_policy(
+    stepper: Stepper,
+    env: Any,
+    *,
+    weights: Any = None,
+    state: Tensor | None = None,
+    adapt: bool = True,
+) -> Policy:
+    """A deployed controller as a policy of this `PlantEnv`, of its own period.
 
-    Raises `ConfigError` where the environment's period is another, `KindError`.
+    At an episode's start its state is `state`, one of its own from elsewhere, or the initial one,
+    of initial adaptive `weights` if they are given. Without `adapt` it does not learn. It reads
+    what the environment itself shows: wrappers may change actions and rewards alone. Raises
+    `ConfigError` where periods differ or the environment's reference lacks derivatives,
+    `ShapeError` where numbers of measurement, reference and input do, `KindError`.
     """
     from .plant_env import PlantEnv
 
-    world = instance("env", getattr(env, "unwrapped", env), PlantEnv)
-    layout, period = world.layout, world.period
-    if not callable(stepper) or not hasattr(stepper, "initial_state"):
-        raise wrong("stepper", stepper, "a deployed controller")
-    own = getattr(stepper, "period", period)
-    if abs(own - period) > 1e-9 * period:
-        raise ConfigError(f"period = {period} s of the environment: the controller's is {own} s")
+    ports = instance("stepper", stepper, Stepper).ports
+    plain = instance("env", getattr(env, "unwrapped", env), PlantEnv)
+    layout, period = plain.layout, plain.period
+    start, adapt = start_of(stepper, weights, state), flag("adapt", adapt)
+    if abs(stepper.period - period) > 1e-9 * period:
+        raise ConfigError(
+            f"period = {period} s of the environment: the controller's is {stepper.period} s"
+        )
+    if ports.order > layout.order:
+        raise ConfigError(
+            f"reference_order = {layout.order} of the environment: the controller asks for "
+            f"{ports.order} derivatives"
+        )
+    given = (sum(layout.widths), layout.n_outputs, *plain.action_space.shape)
+    own = (sum(ports.widths), ports.width, len(ports.input))
+    if given != own:
+        raise ShapeError(
+            "an environment of {} measured numbers, {} outputs and {} inputs got a controller of "
+            "{}, {} and {}".format(*given, *own)
+        )
 
     def policy(observation: Any, state: Any) -> tuple[Any, Any]:
-        reference, measurement = layout.split(torch.from_numpy(np.array(observation, float)))
+        row = torch.from_numpy(np.array(observation, float)).to(stepper.dtype)
+        reference, measurement = layout.split(row)
         if state is None:
-            state = stepper.initial_state(reference, measurement)
-        u, state = stepper(state, reference, measurement)
-        return u.detach().numpy(), state
+            state = start(reference, measurement)
+        u, state = stepper(state, reference, measurement, adapt)
+        return u.double().numpy(), state
 
     return policy
+
+
+def start_of(stepper: Stepper, weights: Any, state: Tensor | None) -> Callable[[Any, Any], Tensor]:
+    """What a deployed controller starts from, of reference and measurement then.
+
+    Raises `ConfigError` for weights beside a state, or those that do not fit, and as `unpacked`.
+    """
+    if state is None:
+        stepper.tick.controller.check_weights(weights)
+        return partial(stepper.initial_state, weights=weights)
+    if weights is not None:
+        raise ConfigError("weights beside a state: it holds its own")
+    stepper.unpacked(state)
+    return lambda reference, measurement: state
 
 
 def run_episode(env: Any, policy: Policy, seed: int | None = None) -> Run:

@@ -7,6 +7,7 @@ from typing import Any
 from gymnasium.vector import AutoresetMode
 
 import mann_torch as mt
+from mann_torch.control import LinearFeedback
 from mann_torch.plants import DoubleIntegrator
 from mann_torch.simulators import (
     MujocoModel,
@@ -22,7 +23,6 @@ from mann_torch.simulators import (
 from mann_torch.simulators.world import squared_error
 from tests.conftest import make_controller, make_scenario
 from tests.public_calls.things import SOLVER, Call
-from tests.simulators.ticking import Ticking
 
 MASS = DoubleIntegrator()
 TASK = mt.Scenario(mt.Sinusoid([1.0], 0.5), MASS.parameters_of(), 0.02)
@@ -41,6 +41,7 @@ WORLD: dict[str, Any] = {
 }
 SIDE_BY_SIDE = {"num_envs": 2, **WORLD, "autoreset_mode": AutoresetMode.SAME_STEP}
 ENV = PlantEnv(MASS, TASK)
+PUSHING = mt.deploy(LinearFeedback([[1.0, 1.0]], [[1.0]]), 0.01, plant=MASS, engine="torch")
 ARM, ARMS_TASK = mt.TwoLinkArm(), make_scenario(0.02, (0.01,))
 TEXT, JOINTS, MOTORS = arm_mjcf(ARM), ["joint_1", "joint_2"], ["torque_1", "torque_2"]
 
@@ -49,7 +50,13 @@ CALLS: dict[str, Call] = {
     "PlantVectorEnv": (PlantVectorEnv, SIDE_BY_SIDE),
     "as_policy": (
         as_policy,
-        {"stepper": Ticking(make_controller("nn"), 0.01), "env": ENV},
+        {
+            "stepper": PUSHING,
+            "env": ENV,
+            "state": None,
+            "weights": None,
+            "adapt": True,
+        },
     ),
     "run_episode": (
         run_episode,
@@ -69,7 +76,7 @@ CALLS: dict[str, Call] = {
     "run_in_mujoco": (
         run_in_mujoco,
         {
-            "stepper": Ticking(make_controller("nn"), 0.001),
+            "stepper": mt.deploy(make_controller("nn"), 0.001, engine="torch"),
             "model": TEXT,
             "joints": JOINTS,
             "reference": ARMS_TASK.reference,
@@ -77,6 +84,9 @@ CALLS: dict[str, Call] = {
             "actuators": MOTORS,
             "payloads": [Payload(0.001, "link_2", 1.0)],
             "start": ([0.0, 0.0], [0.0, 0.0]),
+            "state": None,
+            "weights": make_controller("nn").initial_weights(()),
+            "adapt": True,
         },
     ),
 }

@@ -13,7 +13,6 @@ import mann_torch as mt
 from mann_torch.plants import PLANTS, DoubleIntegrator
 from mann_torch.signals import Disturbance, Sinusoid, SquareWave
 from tests.conftest import generator, make_controller, make_scenario
-from tests.simulators.ticking import Ticking
 
 gymnasium = pytest.importorskip("gymnasium", reason="an extra: pip install mann_torch[simulators]")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
@@ -59,8 +58,8 @@ def test_a_controller_meets_the_plant_of_a_rollout(kind: str) -> None:
         run = mt.rollout(loop, scenario, weights=weights, sample_dt=PERIOD, engine="torch")
     assert not bool(run.status)
     env = PlantEnv(mt.TwoLinkArm(), scenario, PERIOD, hold=hold, **parts)
-    ticking = Ticking(controller, PERIOD, weights)
-    episode = run_episode(env, as_policy(ticking, env), seed=0)
+    deployed = mt.deploy(controller, PERIOD, engine="torch")
+    episode = run_episode(env, as_policy(deployed, env, weights=weights), seed=0)
     at = torch.searchsorted(run.t, torch.from_numpy(episode.t) - 1e-9)
     assert len(episode.actions) == 126 and not episode.terminated
     np.testing.assert_allclose(episode.t, run.t[at].numpy(), rtol=0, atol=1e-12)
@@ -184,7 +183,19 @@ def test_actions_are_checked() -> None:
         env.step(np.full(1, np.nan))
 
 
-def test_a_controller_of_another_period_is_refused() -> None:
+def test_a_controller_that_does_not_fit_is_refused() -> None:
+    def deployed(period: float = PERIOD, **other: Any) -> mt.Stepper:
+        return mt.deploy(make_controller("nn"), period, engine="torch", **other)
+
+    def refused(said: str, stepper: Any, **given: Any) -> None:
+        with pytest.raises(mt.ConfigError, match=said):
+            as_policy(stepper, env, **given)
+
     env = PlantEnv(mt.TwoLinkArm(), make_scenario(), PERIOD)
-    with pytest.raises(mt.ConfigError, match=r"period = 0.002 s of the environment: .* is 0.001 s"):
-        as_policy(Ticking(make_controller("nn"), 1e-3), env)
+    refused(r"period = 0.002 s of the environment: the controller's is 0.001 s", deployed(1e-3))
+    refused("weights beside a state", deployed(), weights=3, state=torch.zeros(3))
+    refused("shape", deployed(), state=torch.zeros(3, dtype=torch.float64))
+    env = PlantEnv(mt.TwoLinkArm(), make_scenario(), PERIOD, reference_order=1)
+    refused("reference_order = 1 of the environment: .* asks for 2", deployed())
+    env = PlantEnv(**cart() | {"period": PERIOD})
+    refused("of 2 measured numbers, 1 outputs and 1 inputs got .* of 4, 2 and 2", deployed())
