@@ -26,6 +26,9 @@ Reward = Callable[[Moment], Tensor]
 #: Names of the reference's derivatives, in the order of a `ReferenceSample`.
 DERIVATIVES = ReferenceSample._fields[: MOST_DERIVATIVES + 1]
 
+#: Episodes that are kept in case they come again.
+_MOST = 64
+
 
 def squared_error(moment: Moment) -> Tensor:
     """Minus the error's square (B,); who diverges pays the last one for all periods left, too."""
@@ -99,11 +102,9 @@ class World:
             function("reward", reward)
         self._scenario, self._reward = scenario, squared_error if reward is None else reward
         self.limit = number("divergence_limit", divergence_limit, ABOVE_0)
+        self._known: dict[int, tuple[Scenario, Episode]] = {}
         # A function is asked once, for the sizes of what it gives.
-        self._only: Episode | None = None
         first = self.drawn(np.random.default_rng(0))
-        if isinstance(scenario, Scenario):
-            self._only = first
         moment = Episodes(self.loop, self.solver, [first], self.limit).now
         measured, sample = moment.seen.measurement, moment.seen.reference
         offered = sum(part is not None for part in sample.parts) - 1
@@ -116,17 +117,18 @@ class World:
         self.layout = Layout(type(measured), widths, len(plant.outputs), order)
 
     def drawn(self, random: np.random.Generator) -> Episode:
-        """The next episode."""
-        if self._only is not None:
-            return self._only
-        scenario = self._scenario
-        if not isinstance(scenario, Scenario):
-            scenario = scenario(random)
+        """The next episode; a scenario that has been there before is not laid out again."""
+        given = self._scenario
         wanted = "a Scenario, or a function that gives one"
-        with torch.no_grad():
-            return episode_of(
-                self.loop, instance("scenario", scenario, Scenario, wanted), self.solver
-            )
+        scenario = given if isinstance(given, Scenario) else given(random)
+        found = self._known.get(id(instance("scenario", scenario, Scenario, wanted)))
+        if found is None:
+            if len(self._known) >= _MOST:
+                self._known.clear()
+            with torch.no_grad():
+                found = scenario, episode_of(self.loop, scenario, self.solver)
+            self._known[id(scenario)] = found
+        return found[1]
 
     def rewards(self, moment: Moment) -> np.ndarray[Any, np.dtype[np.float64]]:
         """(B,). Raises `ConfigError` for a reward that is not one number an episode."""
