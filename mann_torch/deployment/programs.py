@@ -11,7 +11,6 @@ from torch import Tensor
 
 from ..compiled import (
     Fingerprint,
-    Job,
     Program,
     Row,
     Rows,
@@ -69,9 +68,9 @@ class StartStep:
 
 
 def values_of(tick: Tick, dtype: torch.dtype) -> dict[str, Tensor]:
-    """Every tensor a tick holds, by name, in the precision it runs in."""
+    """Copies of all tensors that a tick holds, by name, in the precision it runs in."""
     return {
-        name: (x.to(dtype) if x.is_floating_point() else x).detach()
+        name: x.detach().to(dtype if x.is_floating_point() else x.dtype, copy=True)
         for name, x in held_tensors(tick).items()
     }
 
@@ -128,33 +127,20 @@ class CompiledTick:
     """
 
     def __init__(self, tick: Tick, like: Kept, dtype: torch.dtype) -> None:
-        self._tick, self._like, self._dtype = tick, like, dtype
-        self._held, self._lock = held_tensors(tick), threading.Lock()
         with torch.no_grad():
-            self.program, job, tensors = self._made()
+            self.program, rows = step_program(tick, like, dtype)
+            job, tensors = job_of(self.program, rows)
             check_agreement(self.program, job.lanes_used)
-            self._single = Single(job, *tensors)
-        self._known = self._versions()
+            self._single, self._lock = Single(job, *tensors), threading.Lock()
         sizes = [len(tick.ports.reference), len(tick.ports.measurement), 1]
         self._inputs = self._single.segments[0].split(sizes)
-
-    def _made(self) -> tuple[Program, Job, tuple[Tensor, Tensor, Tensor, Tensor]]:
-        program, rows = step_program(self._tick, self._like, self._dtype)
-        return program, *job_of(program, rows)
-
-    def _versions(self) -> list[tuple[int, int]]:
-        return [(x._version, x.data_ptr()) for x in self._held.values()]
 
     def __call__(
         self, reference: Tensor, measurement: Tensor, adapt: bool, state: Tensor
     ) -> Tensor:
         """The flat tensor after a tick."""
+        to_reference, to_measurement, to_adapt = self._inputs
         with self._lock:
-            if self._versions() != self._known:
-                with torch.no_grad():
-                    self._single.renew(*self._made()[2])
-                self._known = self._versions()
-            to_reference, to_measurement, to_adapt = self._inputs
             to_reference.copy_(reference)
             to_measurement.copy_(measurement)
             to_adapt.fill_(float(adapt))

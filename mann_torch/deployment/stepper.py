@@ -35,12 +35,13 @@ class Stepper:
     a step leaves as it is; it can be saved, and goes on elsewhere (`to_bytes`).
 
     It runs on the compiled engine, unless the tick can't be compiled: then in eager torch, and
-    `engine_reason` says why. Constants that are changed are taken up at the next step. Not
-    differentiable: rollouts are.
+    `engine_reason` says why. Constants are those of when it was made: deploy again what was tuned.
+    Not differentiable: rollouts are.
     """
 
     def __init__(self, tick: Tick, dtype: torch.dtype, engine: str) -> None:
         self.tick, self.dtype = tick, dtype
+        self._exact, self._values = (values_of(tick, d) for d in (torch.float64, dtype))
         like = self._start(*(torch.zeros(n, dtype=dtype) for n in _sizes(tick.ports)))
         told = f"{type(tick.controller).__name__} {tick.period!r}"
         self._blob = Blob(like, dtype, told)
@@ -106,7 +107,8 @@ class Stepper:
         which was given, and the command the last one. Raises `ShapeError`, `DtypeError`,
         `KindError`.
         """
-        state = self._blob.check(state).detach()
+        state = self._blob.check(state)
+        state = state.detach() if state.requires_grad else state
         if adapt is not True and adapt is not False:
             raise KindError(f"adapt = {adapt!r}: give True or False")
         rows = self._rows(reference, measurement)
@@ -146,19 +148,20 @@ class Stepper:
     @torch.no_grad()
     def _start(self, reference: Tensor, measurement: Tensor, *given: Any) -> Kept:
         # Once, so in float64 whatever follows.
-        kept = self.tick.start(reference.double(), measurement.double(), *given)
+        with with_tensors(self.tick, self._exact):
+            kept = self.tick.start(reference.double(), measurement.double(), *given)
         return map_tensors(lambda x: x.to(self.dtype) if x.is_floating_point() else x, kept)
 
     def _eager(self, reference: Tensor, measurement: Tensor, adapt: bool, state: Tensor) -> Tensor:
         kept, learns = self._blob.unpacked(state), torch.tensor(float(adapt), dtype=self.dtype)
-        with with_tensors(self.tick, values_of(self.tick, self.dtype)):
+        with with_tensors(self.tick, self._values):
             made = self.tick(reference, measurement, learns, kept)
         return self._blob.packed(made.kept, made.flags)
 
     def _check_precision(self, like: Kept) -> None:
         """Raise `ConfigError` where eager torch would compute in float64 after all."""
         zeros = [torch.zeros(n, dtype=self.dtype) for n in _sizes(self.ports)]
-        with torch.no_grad(), with_tensors(self.tick, values_of(self.tick, self.dtype)):
+        with torch.no_grad(), with_tensors(self.tick, self._values):
             made = self.tick(*zeros, torch.ones((), dtype=self.dtype), like)
         if made.input.dtype != self.dtype:
             raise ConfigError(
