@@ -25,7 +25,8 @@ ALLOWED = {
     "statistics": BASE,
     "figures": BASE,
     "tuning": BASE | {"simulation", "metrics", "statistics"},
-    "simulators": BASE | {"control", "plants", "signals", "parts", "simulation", "deployment"},
+    "simulators": BASE
+    | {"compiled", "control", "deployment", "plants", "signals", "parts", "simulation"},
     "testing": BASE | {"memory", "control", "plants", "signals", "parts", "simulation"},
 }
 

@@ -10,12 +10,13 @@ from torch import Tensor
 
 from ..simulation import ClosedLoop, Observation, Solver
 from ..simulation.conditions import Conditions, Span, Ticks
-from ..simulation.engines.stepping import Carry, Stepper
+from ..simulation.engines.stepping import Carry
 from ..simulation.jumping import jump
 from ..trees import Packer, map_tensors
 from ..types import LoopState
 from .episode import Episode, put, stacked
 from .given import Told
+from .steps import Steps
 
 
 class Moment(NamedTuple):
@@ -33,16 +34,22 @@ class Episodes:
     """Episodes of one loop side by side, each at its own time, in one call of torch.
 
     The loop's clock ticks at the start of each period; its controller is a `GivenInput`. Steps
-    within a period are the torch engine's, of the same solver on the same grid as a rollout's.
+    within a period are a rollout's own, of the same solver on the same grid: see `Steps`.
     """
 
     def __init__(
-        self, loop: ClosedLoop, solver: Solver, episodes: Sequence[Episode], limit: float
+        self,
+        loop: ClosedLoop,
+        solver: Solver,
+        episodes: Sequence[Episode],
+        limit: float,
+        obstacle: str | None = "asked for",
+        insisted: bool = False,
     ) -> None:
         self._loop, self._episodes = loop, list(episodes)
         self._rows = torch.arange(len(self._episodes))
-        packer: Packer[LoopState] = Packer(self._episodes[0].state, 0)
-        self._stepper, self._packer = Stepper(loop, solver, packer, limit), packer
+        self._packer: Packer[LoopState] = Packer(self._episodes[0].state, 0)
+        self.steps = Steps(loop, solver, self._packer, limit, obstacle, insisted)
         self._carry: Carry
         self.begin(range(len(self._episodes)), self._episodes)
 
@@ -55,6 +62,7 @@ class Episodes:
             self._episodes[place] = episode
         if changed:
             self._course, self._signals = stacked(self._episodes)
+            self.steps.renew(self._signals)
         flat = [self._packer.pack(episode.state) for episode in episodes]
         modes = [episode.mode for episode in episodes]
         fresh = torch.zeros(len(self._rows), dtype=torch.bool)
@@ -85,21 +93,13 @@ class Episodes:
             here, inside = self._conditions(k), k < later
             sampled = course.sampled[self._rows, self._within(k)] if j else False
             here = here._replace(ticks=Ticks(sampled, j == 0))
-            t, t_next = self._time(k), self._time(k + 1)
-            after = self._step(t, t_next, carry._replace(alive=on & inside), here)
+            t, h = self._time(k), self._time(k + 1) - self._time(k)
+            after = self.steps(t, h, carry._replace(alive=on & inside), here)
             on = on & (after.alive | ~inside)
             carry = after
         self._carry = carry._replace(alive=self._carry.alive & (on | ~moving))
         self._period = self._period + moving
         return self._look(moving)
-
-    def _step(self, t: Tensor, t_next: Tensor, carry: Carry, here: Conditions) -> Carry:
-        if bool(carry.alive.all()):
-            after = self._stepper(t, t_next - t, carry, here)
-            if bool(after.alive.all()):
-                return after
-        safe = torch.zeros_like(carry.y)
-        return self._stepper.without_dead(t, t_next - t, carry, safe, here)[0]
 
     def _look(self, fresh: Tensor) -> Moment:
         """What there is to see now; the sensor takes its sample in those that are `fresh` here."""

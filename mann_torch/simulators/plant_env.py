@@ -39,6 +39,9 @@ class PlantEnv(gymnasium.Env):
     - terminated: a state beyond `divergence_limit`, or not finite; truncated: the horizon
     - info: time `t` [s], `error` and `output` (p,), `applied` input (m,)
 
+    `engine` is ``auto``, ``compiled`` or ``torch``, as `rollout` has it: the first step compiles.
+    Scenarios are not to be changed once they were given.
+
     Raises `ConfigError` or a subclass of it, as `rollout` does, for what does not fit, and for an
     action that is not finite or of another shape.
     """
@@ -59,11 +62,12 @@ class PlantEnv(gymnasium.Env):
         reward: Reward | None = None,
         reference_order: int | None = None,
         divergence_limit: float = 1e8,
+        engine: str = "auto",
     ) -> None:
         self._world = World(
             plant, scenario, period, actuator=actuator, sensor=sensor, model=model, hold=hold,
             solver=solver, reward=reward, reference_order=reference_order,
-            divergence_limit=divergence_limit,
+            divergence_limit=divergence_limit, engine=engine,
         )  # fmt: skip
         self._episodes: Episodes | None = None
         low, high = self._world.bounds()
@@ -75,6 +79,11 @@ class PlantEnv(gymnasium.Env):
     def period(self) -> float:
         """For which an input is held [s]."""
         return self._world.period
+
+    @property
+    def engine_reason(self) -> str | None:
+        """Why steps run in eager torch; None where they are compiled, or none was taken yet."""
+        return None if self._episodes is None else self._episodes.steps.obstacle
 
     @property
     def layout(self) -> Layout:
@@ -91,8 +100,7 @@ class PlantEnv(gymnasium.Env):
         super().reset(seed=seed)
         episode = self._world.drawn(self.np_random)
         if self._episodes is None:
-            world = self._world
-            self._episodes = Episodes(world.loop, world.solver, [episode], world.limit)
+            self._episodes = self._world.begun([episode])
         else:
             self._episodes.begin([0], [episode])
         moment = self._episodes.now

@@ -47,6 +47,7 @@ class PlantVectorEnv(gymnasium.vector.VectorEnv):
         reward: Reward | None = None,
         reference_order: int | None = None,
         divergence_limit: float = 1e8,
+        engine: str = "auto",
     ) -> None:
         self.num_envs = whole("num_envs", num_envs)
         self._mode = instance("autoreset_mode", autoreset_mode, AutoresetMode)
@@ -54,7 +55,7 @@ class PlantVectorEnv(gymnasium.vector.VectorEnv):
         self._world = World(
             plant, scenario, period, actuator=actuator, sensor=sensor, model=model, hold=hold,
             solver=solver, reward=reward, reference_order=reference_order,
-            divergence_limit=divergence_limit,
+            divergence_limit=divergence_limit, engine=engine,
         )  # fmt: skip
         self._episodes: Episodes | None = None
         self._random = [np.random.default_rng() for _ in range(self.num_envs)]
@@ -68,6 +69,11 @@ class PlantVectorEnv(gymnasium.vector.VectorEnv):
     def period(self) -> float:
         """For which an input is held [s]."""
         return self._world.period
+
+    @property
+    def engine_reason(self) -> str | None:
+        """Why steps run in eager torch; None where they are compiled, or none was taken yet."""
+        return None if self._episodes is None else self._episodes.steps.obstacle
 
     @property
     def layout(self) -> Layout:
@@ -143,7 +149,7 @@ class PlantVectorEnv(gymnasium.vector.VectorEnv):
         world, places = self._world, chosen.nonzero()[0].tolist()
         drawn = [world.drawn(self._random[i]) for i in places]
         if self._episodes is None:
-            self._episodes = Episodes(world.loop, world.solver, drawn, world.limit)
+            self._episodes = world.begun(drawn)
         else:
             self._episodes.begin(places, drawn)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,10 +10,10 @@ import torch
 from torch import Tensor
 
 from ..checks import ABOVE_0, POSITIVE, function, instance, number, whole, wrong
-from ..errors import ConfigError
+from ..errors import ConfigError, ShapeError
 from ..parts import Actuator, Clock, ReferenceModel, Sensor
 from ..plants import Plant
-from ..simulation import ClosedLoop, Implicit, Scenario, Solver
+from ..simulation import ClosedLoop, Implicit, Scenario, Solver, check_engine
 from ..trees import leaves
 from ..types import MOST_DERIVATIVES, ReferenceSample
 from .episode import Episode, episode_of
@@ -85,6 +85,7 @@ class World:
         reward: Reward | None,
         reference_order: int | None,
         divergence_limit: float,
+        engine: str,
     ) -> None:
         inputs = len(instance("plant", plant, Plant).inputs)
         self.period = number("period", period, POSITIVE)
@@ -103,8 +104,14 @@ class World:
         self._scenario, self._reward = scenario, squared_error if reward is None else reward
         self.limit = number("divergence_limit", divergence_limit, ABOVE_0)
         self._known: dict[int, tuple[Scenario, Episode]] = {}
+        shape = tuple(self.loop.batch_shape())
+        if shape:
+            raise ShapeError(f"constants of actuator, sensor or model have batch shape {shape}")
         # A function is asked once, for the sizes of what it gives.
         first = self.drawn(np.random.default_rng(0))
+        ((example, _),) = self._known.values()
+        self._obstacle = check_engine(self.loop, example, self.solver, engine)
+        self._insisted = engine == "compiled"
         moment = Episodes(self.loop, self.solver, [first], self.limit).now
         measured, sample = moment.seen.measurement, moment.seen.reference
         offered = sum(part is not None for part in sample.parts) - 1
@@ -129,6 +136,12 @@ class World:
                 found = scenario, episode_of(self.loop, scenario, self.solver)
             self._known[id(scenario)] = found
         return found[1]
+
+    def begun(self, episodes: Sequence[Episode]) -> Episodes:
+        """Episodes side by side, at their start."""
+        return Episodes(
+            self.loop, self.solver, episodes, self.limit, self._obstacle, self._insisted
+        )
 
     def rewards(self, moment: Moment) -> np.ndarray[Any, np.dtype[np.float64]]:
         """(B,). Raises `ConfigError` for a reward that is not one number an episode."""

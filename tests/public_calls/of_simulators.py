@@ -38,9 +38,10 @@ WORLD: dict[str, Any] = {
     "reward": squared_error,
     "reference_order": 1,
     "divergence_limit": 10.0,
+    "engine": "torch",
 }
 SIDE_BY_SIDE = {"num_envs": 2, **WORLD, "autoreset_mode": AutoresetMode.SAME_STEP}
-ENV = PlantEnv(MASS, TASK)
+ENV = PlantEnv(MASS, TASK, engine="torch")
 PUSHING = mt.deploy(LinearFeedback([[1.0, 1.0]], [[1.0]]), 0.01, plant=MASS, engine="torch")
 ARM, ARMS_TASK = mt.TwoLinkArm(), make_scenario(0.02, (0.01,))
 TEXT, JOINTS, MOTORS = arm_mjcf(ARM), ["joint_1", "joint_2"], ["torque_1", "torque_2"]

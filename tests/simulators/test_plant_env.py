@@ -40,7 +40,8 @@ LOOPS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 def cart(horizon: float = 0.5, **other: Any) -> dict[str, Any]:
     plant = DoubleIntegrator()
     scenario = mt.Scenario(Sinusoid([1.0], 2.0), plant.parameters_of(), horizon)
-    return {"plant": plant, "scenario": scenario, "period": 0.05, **other}
+    given = {"plant": plant, "scenario": scenario, "period": 0.05, "engine": "torch"}
+    return {**given, **other}
 
 
 @pytest.mark.parametrize("kind", LOOPS)
@@ -57,7 +58,7 @@ def test_a_controller_meets_the_plant_of_a_rollout(kind: str) -> None:
     with torch.no_grad():
         run = mt.rollout(loop, scenario, weights=weights, sample_dt=PERIOD, engine="torch")
     assert not bool(run.status)
-    env = PlantEnv(mt.TwoLinkArm(), scenario, PERIOD, hold=hold, **parts)
+    env = PlantEnv(mt.TwoLinkArm(), scenario, PERIOD, hold=hold, engine="torch", **parts)
     deployed = mt.deploy(controller, PERIOD, engine="torch")
     episode = run_episode(env, as_policy(deployed, env, weights=weights), seed=0)
     at = torch.searchsorted(run.t, torch.from_numpy(episode.t) - 1e-9)
@@ -80,7 +81,7 @@ def test_every_plant_is_an_environment(name: str) -> None:
     reference = Sinusoid([0.1] * len(plant.outputs), 1.0)
     scenario = mt.Scenario(reference, plant.parameters_of(), 1.0)
     limits = mt.Actuator(len(plant.inputs), limit=1.0)
-    env = PlantEnv(plant, scenario, 0.02, actuator=limits)
+    env = PlantEnv(plant, scenario, 0.02, actuator=limits, engine="torch")
     check_env(env, skip_render_check=True)
     run = run_episode(env, lambda seen, state: (env.action_space.sample(), state), seed=3)
     assert len(run.t) == 51 and np.isfinite(run.observations).all()
