@@ -14,6 +14,7 @@ from ..simulation.engines.stepping import Carry
 from ..simulation.jumping import jump
 from ..trees import Packer, map_tensors
 from ..types import LoopState
+from .compiled_steps import Piece
 from .episode import Episode, put, stacked
 from .given import Told
 from .steps import Steps
@@ -87,17 +88,14 @@ class Episodes:
         carry = carry._replace(mode=carry.mode._replace(controller=told))
         first = course.begins[self._rows, self._period]
         later = course.begins[self._rows, self._period + moving]
-        on = carry.alive & moving
+        pieces = []
         for j in range(int((later - first).max())):
             k = first + j
-            here, inside = self._conditions(k), k < later
             sampled = course.sampled[self._rows, self._within(k)] if j else False
-            here = here._replace(ticks=Ticks(sampled, j == 0))
-            t, h = self._time(k), self._time(k + 1) - self._time(k)
-            after = self.steps(t, h, carry._replace(alive=on & inside), here)
-            on = on & (after.alive | ~inside)
-            carry = after
-        self._carry = carry._replace(alive=self._carry.alive & (on | ~moving))
+            here = self._conditions(k)._replace(ticks=Ticks(sampled, j == 0))
+            t = self._time(k)
+            pieces.append(Piece(t, self._time(k + 1) - t, k < later, here))
+        self._carry = self.steps(pieces, carry)
         self._period = self._period + moving
         return self._look(moving)
 

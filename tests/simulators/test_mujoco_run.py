@@ -38,17 +38,17 @@ def papers() -> tuple[mt.MannController, Any]:
 @pytest.mark.parametrize("motors", [MOTORS, None])
 def test_a_controller_meets_the_arm_of_a_rollout(motors: Any) -> None:
     controller, weights = papers()
-    scenario = make_scenario(0.4, (0.15, 0.3))
+    scenario = make_scenario(0.25, (0.1, 0.2))
     with torch.no_grad():
         loop = mt.ClosedLoop(mt.TwoLinkArm(), controller, clock=mt.Clock(1e-3))
         ours = mt.rollout(loop, scenario, weights=weights)
     text = arm_mjcf(mt.TwoLinkArm(), scenario.parameters, integrator="RK4")
     payloads = arm_payloads(mt.TwoLinkArm(), scenario)
     run = run_in_mujoco(
-        mt.deploy(controller, 1e-3), text, JOINTS, scenario.reference, 0.4,
+        mt.deploy(controller, 1e-3), text, JOINTS, scenario.reference, 0.25,
         actuators=motors, payloads=payloads, weights=weights,
     )  # fmt: skip
-    assert run.stopped_at is None and len(run.t) == 401 and len(run.u) == 400
+    assert run.stopped_at is None and len(run.t) == 251 and len(run.u) == 250
     torch.testing.assert_close(run.t, ours.t, rtol=0, atol=1e-12)
     assert float(ours.error.abs().max()) > 0.05
     # Within a period of 1 ms both solvers are of order 2 at least.
@@ -136,14 +136,14 @@ def test_a_model_file_of_ones_own(tmp_path: Path) -> None:
     feedback = LinearFeedback([[-3.0, -40.0, -5.0, -8.0]], [[-3.0]])
     q = torch.tensor([0.1, 0.05], dtype=torch.float64)
     start = mt.PlantState(q, torch.zeros(2, dtype=torch.float64))
-    scenario = mt.Scenario(Sinusoid([0.2], 1.0), plant.parameters_of(), 2.0, start=start)
+    scenario = mt.Scenario(Sinusoid([0.2], 1.0), plant.parameters_of(), 1.0, start=start)
     loop = mt.ClosedLoop(plant, feedback, clock=mt.Clock(0.004))
     with torch.no_grad():
         ours = mt.rollout(loop, scenario, mt.RungeKutta(1e-3), motion_dt=0.004)
     deployed, path = mt.deploy(loop), tmp_path / "cart.xml"
     path.write_text(CART)
     run = run_in_mujoco(
-        deployed, path, ["track", "pivot"], scenario.reference, 2.0,
+        deployed, path, ["track", "pivot"], scenario.reference, 1.0,
         actuators=["push"], start=tuple(start),
     )  # fmt: skip
     assert 0.01 < float(ours.plant.q[:, 1].abs().max()) < 0.5
@@ -151,7 +151,7 @@ def test_a_model_file_of_ones_own(tmp_path: Path) -> None:
     torch.testing.assert_close(run.error, ours.error, rtol=0, atol=1e-10)
     # The joints the other way round are measured the other way round, and it falls.
     fallen = run_in_mujoco(
-        deployed, path, ["pivot", "track"], scenario.reference, 2.0,
+        deployed, path, ["pivot", "track"], scenario.reference, 1.0,
         actuators=["push"], start=(q.flip(0), [0.0, 0.0]),
     )  # fmt: skip
     assert torch.equal(fallen.q[0], q.flip(0)) and float(fallen.q[:, 0].abs().max()) > 1.0

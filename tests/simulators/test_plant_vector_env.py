@@ -16,7 +16,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv  # noqa: E402
 
 from mann_torch.simulators import PlantEnv, PlantVectorEnv  # noqa: E402
 
-COUNT, STEPS = 5, 23
+COUNT, STEPS = 5, 18
 #: Random pushes throw some beyond this limit in the middle of an episode of 8 periods.
 LIMIT = 1.2
 
