@@ -1,0 +1,112 @@
+"""Episodes laid out for stepping: one of them, and a batch in which each is at its own time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+from ..errors import ConfigError, ShapeError
+from ..signals import Surroundings, noise_at
+from ..simulation import ClosedLoop, Scenario, Solver
+from ..simulation.conditions import Span, spans_of
+from ..simulation.task import grid_of, task_of
+from ..trees import leaves, map_tensors
+from ..types import LoopMode, LoopState
+
+
+class Course(NamedTuple):
+    """What an episode's T steps are under; a batch has (B, ...) of each, padded at the end."""
+
+    times: Tensor  # (T + 1,) [s]; padding repeats the last
+    segment: Tensor  # (T,) int64, of the parameters in force
+    parameters: Any  # (S, d) a field, of the plant's
+    noise: Tensor | None  # (T, Y) on what is measured
+    sampled: Tensor  # (T,) bool, whether the sensor ticks
+    begins: Tensor  # (P + 1,) int64, first step of each period, and T
+    span: Span | None  # each (T,), where signals jump
+
+
+class Episode(NamedTuple):
+    """An episode before it begins."""
+
+    course: Course
+    state: LoopState
+    mode: LoopMode
+    surroundings: Surroundings
+
+
+def episode_of(loop: ClosedLoop, scenario: Scenario, solver: Solver) -> Episode:
+    """One episode: its steps are those of a rollout of the same scenario.
+
+    Raises `ShapeError` for a scenario with batch dimensions, and what `rollout` raises.
+    """
+    if scenario.batch_shape != ():
+        raise ShapeError(
+            f"scenario has batch shape {tuple(scenario.batch_shape)}: an episode is one task; a "
+            "function that draws one gives each environment its own"
+        )
+    task = task_of(loop, scenario, solver, grid_of(loop, scenario, solver.dt))
+    grid, count = task.grid, task.grid.n_steps
+    segment = torch.zeros(count, dtype=torch.int64)
+    for number, part in enumerate(grid.segments):
+        segment[part.first : part.last] = number
+    lookups = torch.tensor([part.lookup for part in grid.segments], dtype=torch.float64)
+    parameters = map_tensors(
+        lambda rows: rows.detach().expand(len(lookups), rows.shape[-1]),
+        scenario.parameters_at(lookups),
+    )
+    noise = None if task.noise is None else noise_at(task.noise, task.noise_instants)
+    if task.ticks is None:
+        raise ConfigError("a loop that is stepped from outside needs a clock")
+    sampled, ticks = task.ticks
+    begins = torch.cat([ticks.nonzero()[:, 0], torch.tensor([count])])
+    course = Course(grid.times, segment, parameters, noise, sampled, begins, task.spans)
+    return Episode(course, task.state, task.mode, scenario.surroundings)
+
+
+def stacked(episodes: Sequence[Episode]) -> tuple[Course, Surroundings]:
+    """Courses and signals of a batch (B, ...). Raises `ConfigError` for those that do not stack.
+
+    If all are one and the same nothing is written out.
+    """
+    first, count = episodes[0], len(episodes)
+    if all(episode is first for episode in episodes):
+        wide = map_tensors(lambda x: x.expand(count, *x.shape), first.course)
+        return wide, first.surroundings.expand((count,))
+    kinds = {
+        (e.course.noise is None, e.surroundings.disturbance is None, type(e.course.parameters))
+        for e in episodes
+    }
+    if len(kinds) != 1:
+        raise ConfigError(
+            "scenarios of environments side by side: all with noise, or none; all with a "
+            "disturbance, or none; all of one plant's parameters"
+        )
+    courses = [episode.course for episode in episodes]
+    if any(course.span is not None for course in courses):
+        courses = [c._replace(span=c.span or spans_of(c.times)) for c in courses]
+    batch = map_tensors(lambda *rows: _padded(rows), *courses)
+    signals = [episode.surroundings for episode in episodes]
+    return batch, signals[0].stack(signals)
+
+
+def _padded(rows: Sequence[Tensor]) -> Tensor:
+    """(T_i, ...) -> (B, T, ...): shorter ones repeat their last row."""
+    longest = max(len(row) for row in rows)
+    if all(len(row) == longest for row in rows):
+        return torch.stack(list(rows))
+    return torch.stack([row[torch.arange(longest).clamp(max=len(row) - 1)] for row in rows])
+
+
+def put(whole: Any, places: Sequence[int], rows: Sequence[Any]) -> Any:
+    """A tree (B, ...) with other rows (...) at some places."""
+    index = torch.tensor(list(places))
+    return map_tensors(lambda old, *new: old.index_copy(0, index, torch.stack(new)), whole, *rows)
+
+
+def width_of(tree: Any) -> int:
+    """How many numbers a tree of rows (..., d) has."""
+    return sum(leaf.shape[-1] for leaf in leaves(tree))
