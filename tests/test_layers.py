@@ -116,7 +116,7 @@ ROOMS = (
     ("sweeps",),
     ("command",),
     ("records",),
-    ("building", "sequence_tasks"),
+    ("building", "sequence_tasks", "animations"),
     ("reproduction", "gradients", "tuning", "learning"),
     ("problems", "problem_tuning", "returns", "peering"),
     ("benchmarking", "ablating"),

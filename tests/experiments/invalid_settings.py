@@ -134,6 +134,10 @@ TOGETHER = {
         ("controler=hard",),
         ("--foo",),
         ("initial.weights_file=/nowhere.npz",),
+        ("problem=rohrs", "output.animation=true"),
+        ("problem=scalar_mrac", "output.animation=gif"),
+        ("output.animation=avi",),
+        ("output.animation=[gif]",),
     ),
     "ensemble": (
         ("spread.masses=1",),
