@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         NetworkInputs,
         equal_parameter_hidden,
     )
+    from .deployment import Stepper, deploy
     from .errors import (
         ConfigError,
         DomainError,
@@ -130,11 +131,13 @@ __all__ = [
     "SolverError",
     "StateKeys",
     "Status",
+    "Stepper",
     "Trajectory",
     "TwoLinkArm",
     "WeightsFileError",
     "WorkingMemory",
     "arm_parameters",
+    "deploy",
     "equal_parameter_hidden",
     "explain",
     "input_rate",
@@ -158,6 +161,7 @@ _PARTS = (
     "signals",
     "parts",
     "simulation",
+    "deployment",
     "metrics",
     "figures",
 )

@@ -38,6 +38,7 @@ __all__ = [
     "PositiveRow",
     "SymmetricPositiveDefinite",
     "follow_dtype",
+    "held_tensors",
 ]
 
 
@@ -221,3 +222,17 @@ def follow_dtype(module: nn.Module) -> None:
     for part in module.modules():
         if isinstance(part, DesignModule):
             part.follows_dtype = True
+
+
+def held_tensors(module: nn.Module) -> dict[str, Tensor]:
+    """Parameters, buffers, and design constants that are shared tensors, by dotted name."""
+    found: dict[str, Tensor] = {
+        **dict(module.named_parameters()),
+        **dict(module.named_buffers()),
+    }
+    for prefix, part in module.named_modules():
+        if isinstance(part, DesignModule):
+            for name in part.domains():
+                dotted = f"{prefix}.{name}" if prefix else name
+                found.setdefault(dotted, getattr(part, name))
+    return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import torch
@@ -137,3 +138,20 @@ def blend(degree: Tensor, new: Tensor, old: Tensor) -> Tensor:
     if degree.dtype == torch.bool:
         return torch.where(degree, new, old)
     return (1.0 - degree) * old + degree * new
+
+
+#: Terms of `second_mean`'s series at 0: the next would be below 1e-17 where it is used.
+_TERMS = 12
+
+
+def second_mean(z: Tensor) -> Tensor:
+    """(e^-z - 1 + z) / z^2 of z >= 0, 1/2 at 0: the weight of what grows where e^-z forgets.
+
+    That of what stays, (1 - e^-z) / z, is 1 - z of it. Known as phi_2(-z) and phi_1(-z).
+    """
+    series = torch.full_like(z, (-1.0) ** _TERMS / math.factorial(_TERMS + 2))
+    for k in reversed(range(_TERMS)):
+        series = series * z + (-1.0) ** k / math.factorial(k + 2)
+    near = z < 0.25
+    far = torch.where(near, 1.0, z)
+    return torch.where(near, series, (torch.expm1(-far) + far) / (far * far))

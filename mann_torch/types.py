@@ -181,6 +181,9 @@ class ControlOutput(NamedTuple):
     input: Tensor  # (..., m) what the plant is given, in its inputs' units (paper: tau)
     d_state: Any  # time derivative of the controller's state, a tree like it
     signals: Any  # a NamedTuple of quantities worth plotting, or None
+    #: A tree like the state of rates l >= 0 [1/s], None where a number has none: d_state is
+    #: a - l x there, and a sampled controller moves it exactly (`control.sampling`).
+    decay: Any = None
 
 
 class InputGains(NamedTuple):
@@ -224,6 +227,7 @@ class ClockState(NamedTuple):
     begun: Tensor  # (...,) bool, whether there was a tick
     slope: Tensor | None = None  # (..., m) of the input, per s, where it holds on a line
     at: Tensor | None = None  # (...,) [s] the last tick, there
+    decay: Any = None  # how fast numbers of the state forget, at the last tick
 
 
 @portable

@@ -20,6 +20,7 @@ ALLOWED = {
     "parts": BASE,
     "compiled": {"errors"},
     "simulation": BASE | {"compiled", "memory", "control", "plants", "signals", "parts"},
+    "deployment": BASE | {"compiled", "control", "parts", "plants", "simulation"},
     "metrics": BASE | {"simulation"},
     "statistics": BASE,
     "figures": BASE,

@@ -14,6 +14,7 @@ from .march.autograd import Marched, march
 from .march.job import Job
 from .march.layout import Layout, Leaf
 from .march.program import Program
+from .march.rows import Row, Rows, job_of, program_of
 from .march.scope import Arguments
 from .march.single import Single
 from .trace.fingerprint import Fingerprint
@@ -33,12 +34,16 @@ __all__ = [
     "Marched",
     "Places",
     "Program",
+    "Row",
+    "Rows",
     "Single",
     "UntraceableError",
     "check_agreement",
     "frozen",
+    "job_of",
     "march",
     "missing",
+    "program_of",
     "transformed",
     "with_tensors",
 ]

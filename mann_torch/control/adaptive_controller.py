@@ -44,6 +44,17 @@ class AdaptiveController(Controller):
         """The state with another one of that."""
         return state._replace(adaptive=adaptive)
 
+    def forgets(self, state: Any, found: Approximation) -> Any:
+        """How fast the state forgets, in its form: `ControlOutput.decay`."""
+        decay = self.approximator.decay(found)
+        if decay is None:
+            return None
+        return self.with_adapted(type(state)(*[None] * len(state)), decay)
+
+    def held(self, before: Any, after: Any) -> Any:
+        """Weights, memory and laws stay."""
+        return self.with_adapted(after, self.adapted(before))
+
     @abstractmethod
     def look(self, reference: ReferenceSample, measurement: Any, state: Any) -> Look:
         """What is seen."""

@@ -73,6 +73,10 @@ class ComputedTorque(Controller):
         """Raise `ShapeError` unless there is an input for each of n outputs."""
         check_joints(self.n_joints, n_inputs, n_outputs)
 
+    def form(self) -> int:
+        """n."""
+        return self.n_joints
+
     def initial_state(
         self,
         reference: ReferenceSample,

@@ -84,6 +84,14 @@ class Controller(Interface, DesignModule):
         """Discrete decisions at one instant: the state after them, and the new mode."""
         return state, mode
 
+    def held(self, before: ControllerTree, after: ControllerTree) -> ControllerTree:
+        """The state `after`, but for what adapts, which is as it was `before`; here nothing adapts.
+
+        A deployed controller whose adaptation is frozen moves so (`mann_torch.deploy`), and its
+        mode stays.
+        """
+        return after
+
     def initial_weights(
         self, batch_shape: Sequence[int], generator: torch.Generator | None = None
     ) -> Any:
@@ -106,6 +114,13 @@ class Controller(Interface, DesignModule):
 
     def check_fit(self, n_inputs: int, n_outputs: int) -> None:
         """Raise `ShapeError` if it is no controller for a plant of that many inputs and outputs."""
+        return None
+
+    def form(self) -> int | None:
+        """Joints of a controller of `Measurement`, which needs no plant to say what it measures.
+
+        None here: it depends on the plant.
+        """
         return None
 
     def proximity(

@@ -102,6 +102,10 @@ class Estimator(Controller):
         laws, mode = self.law.jump(drive, state.theta, state.laws, mode)
         return state._replace(laws=laws), mode
 
+    def held(self, before: Estimates, after: Estimates) -> Estimates:
+        """All of it stays."""
+        return before
+
     def _driven(self, measurement: Any, state: Estimates) -> tuple[Drive, Tensor]:
         phi, y = self._seen(measurement)
         u = row_times(phi, state.theta)

@@ -107,6 +107,10 @@ class MannController(AdaptiveController):
         """Raise `ShapeError` unless there is an input for each of its outputs."""
         check_joints(self.n_joints, n_inputs, n_outputs)
 
+    def form(self) -> int:
+        """n."""
+        return self.n_joints
+
     def initial_state(
         self,
         reference: ReferenceSample,
@@ -138,7 +142,7 @@ class MannController(AdaptiveController):
         drive = self.driven(reference, seen, found, state)
         rates = self.approximator.rates(found, drive, state, mode)
         signals = ControlSignals(tracking, found.features, found.read, found.weights, gain)
-        return ControlOutput(u, rates, signals)
+        return ControlOutput(u, rates, signals, self.forgets(state, found))
 
     def input_gains(
         self, reference: ReferenceSample, output: ControlOutput, state: ControllerState

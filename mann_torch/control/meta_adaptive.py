@@ -105,6 +105,10 @@ class MetaAdaptive(AdaptiveController):
         """Raise `ShapeError` unless there is an input for each of n outputs."""
         check_joints(self.n_joints, n_inputs, n_outputs)
 
+    def form(self) -> int:
+        """n."""
+        return self.n_joints
+
     def initial_state(
         self,
         reference: ReferenceSample,
@@ -145,7 +149,8 @@ class MetaAdaptive(AdaptiveController):
         rates = self.approximator.rates(found, drive, state.adaptive, mode)
         signals = MetaAdaptiveSignals(tracking, found.features, found.read, found.weights, force)
         kept = None if state.integral is None else r
-        return ControlOutput(u, MetaAdaptiveState(rates, kept), signals)
+        forgets = self.forgets(state, found)
+        return ControlOutput(u, MetaAdaptiveState(rates, kept), signals, forgets)
 
     def input_gains(
         self, reference: ReferenceSample, output: ControlOutput, state: MetaAdaptiveState

@@ -95,6 +95,10 @@ class SlotineLi(Controller):
         """Raise `ShapeError` unless there is an input for each of n outputs."""
         check_joints(self.n_joints, n_inputs, n_outputs)
 
+    def form(self) -> int:
+        """n."""
+        return self.n_joints
+
     def initial_state(
         self,
         reference: ReferenceSample,
@@ -140,6 +144,10 @@ class SlotineLi(Controller):
         drive = _drive(*self._look(reference, measurement))
         kept, mode = self.law.jump(drive, state.estimate, state.laws, mode)
         return state._replace(laws=kept), mode
+
+    def held(self, before: SlotineLiState, after: SlotineLiState) -> SlotineLiState:
+        """Estimates and what their law keeps stay."""
+        return after._replace(estimate=before.estimate, laws=before.laws)
 
     def input_gains(
         self, reference: ReferenceSample, output: ControlOutput, state: SlotineLiState

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from ..control import Controller
+from ..control.sampling import moved
 from ..functional import pick
 from ..parts import Clock
 from ..trees import map_tensors
@@ -63,21 +64,14 @@ def _ticked(
     held = mode.clock
     if held is None:
         return state, mode
-    own, time = state.controller, clock.elapsed(held)
-    if own is not None:
-        trial = map_tensors(lambda x, r: x + _beside(time, x) * r, own, held.rates)
-        ahead = controller(sample, seen, trial, mode.controller).d_state
-        half = 0.5 * time
-        moved = map_tensors(lambda x, r, s: x + _beside(half, x) * (r + s), own, held.rates, ahead)
-        state = state._replace(controller=moved)
+    own = moved(
+        controller, clock.elapsed(held), sample, seen, state.controller, mode.controller,
+        held.rates, held.decay,
+    )  # fmt: skip
+    state = state._replace(controller=own)
     state, mode = _decided(controller, sample, seen, state, mode)
     output = controller(sample, seen, state.controller, mode.controller)
-    return state, mode._replace(clock=clock.ticked(t, held, output.input, output.d_state))
-
-
-def _beside(time: Tensor, x: Tensor) -> Tensor:
-    """(...,) beside a leaf (..., *event)."""
-    return time.reshape(time.shape + (1,) * (x.dim() - time.dim()))
+    return state, mode._replace(clock=clock.ticked(t, held, output))
 
 
 def _at_tick(tick: Tensor | bool, new: Any, old: Any) -> Any:

@@ -100,7 +100,8 @@ def start_of(
         if loop.actuator is not None:
             state = state._replace(actuator=loop.actuator.initial_state(u))
         if loop.clock is not None:
-            mode = mode._replace(clock=loop.clock.initial_state(u, own))
+            answer = loop.controller(sample, measured, own, inner)
+            mode = mode._replace(clock=loop.clock.initial_state(u, own, answer.decay))
     _check_answer(loop, state, mode, here)
     return Start(state, mode, surroundings, seen)
 

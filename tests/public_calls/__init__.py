@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tests.public_calls import (
     of_control,
+    of_deployment,
     of_laws,
     of_loop,
     of_memory,
@@ -20,6 +21,7 @@ from tests.public_calls.things import Call
 #: What can be called with arguments, by its public name.
 CALLS: dict[str, Call] = {
     **of_control.CALLS,
+    **of_deployment.CALLS,
     **of_laws.CALLS,
     **of_loop.CALLS,
     **of_memory.CALLS,

@@ -64,7 +64,7 @@ class Approximator(DesignModule):
             check_needs(law, given)
         self.readouts = readouts
         if readouts is not None:
-            instance("readouts", readouts, Readouts).check_fit(network, given)
+            instance("readouts", readouts, Readouts).fit(network, given)
 
     @property
     def reallocates(self) -> bool:
@@ -96,7 +96,8 @@ class Approximator(DesignModule):
         """State and mode at t = 0; the memory starts from features at x~ (..., I) there."""
         if weights is None:
             weights = self.network.initial_state(batch_shape, generator)
-        self.network.check_state(weights)
+        else:
+            self.network.check_state(weights)
         network = self.network.expand(weights, batch_shape)
         laws, mode = self.network.initial_laws(batch_shape)
         held = None
@@ -134,6 +135,17 @@ class Approximator(DesignModule):
         return Approximation(
             output, norms, network, nn_input, features, correction, read, weights, d_memory
         )
+
+    def decay(self, found: Approximation) -> ControllerState | None:
+        """How fast what is remembered forgets [1/s], None without a memory.
+
+        Contents by w_r(i), keys by their rule's own rate.
+        """
+        if self.memory is None or found.weights is None:
+            return None
+        rate = self.memory.key_rule.rate(found.weights)
+        memory = MemoryState(found.weights.unsqueeze(-1), rate.unsqueeze(-1))
+        return ControllerState(None, memory)
 
     def rates(
         self, found: Approximation, drive: Drive, state: ControllerState, mode: Any

@@ -67,8 +67,11 @@ class Readouts(DesignModule):
         self.declare("sharpness", sharpness, Positive())
         self.declare("common", common, NonNegative())
 
-    def check_fit(self, network: FeatureNetwork, offers: Collection[str]) -> None:
-        """Raise `ConfigError` for a network that names no W, or nothing to judge slots by."""
+    def fit(self, network: FeatureNetwork, offers: Collection[str]) -> None:
+        """Draw what slots start with, in the form of a network's W.
+
+        Raises `ConfigError` for a network that names none, or with nothing to judge slots by.
+        """
         if not network.outer:
             raise ConfigError(f"readouts: {type(network).__name__} does not say what W is: `outer`")
         if not {"pair", "shortfall"} & set(offers):
@@ -76,18 +79,21 @@ class Readouts(DesignModule):
                 "readouts are judged by what was needed, and this controller has nothing to tell: "
                 "give it labels"
             )
+        generator, weights = torch.Generator().manual_seed(0), network.initial_state(())
+        for name in network.outer:
+            shape = self.n_slots, *getattr(weights, name).shape
+            draw = torch.randn(shape, generator=generator, dtype=torch.float64)
+            draw[0] = 0.0
+            self.register_buffer(f"first_{name}", self.spread * draw, persistent=False)
 
     def initial_state(
         self, network: FeatureNetwork, weights: Any, batch_shape: Sequence[int]
     ) -> ReadoutState:
         """Nothing in slot 0, others `spread` away, the same in each sample of the batch."""
-        batch, generator = sizes("batch_shape", batch_shape), torch.Generator().manual_seed(0)
-        held = dict.fromkeys(weights._fields)
+        batch, held = sizes("batch_shape", batch_shape), dict.fromkeys(weights._fields)
         for name in network.outer:
-            event = getattr(weights, name).shape[len(batch) :]
-            draw = torch.randn(self.n_slots, *event, generator=generator, dtype=torch.float64)
-            draw[0] = 0.0
-            held[name] = (self.spread * draw).expand(*batch, *draw.shape)
+            first = getattr(self, f"first_{name}")
+            held[name] = first.expand(*batch, *first.shape)
         misses = torch.ones(*batch, self.n_slots, dtype=torch.float64)
         return ReadoutState(type(weights)(**held), misses)
 

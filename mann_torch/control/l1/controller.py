@@ -143,6 +143,10 @@ class L1Adaptive(MatrixConstants, Controller):
         kept, mode = self.adaptation.jump(*_look(measurement, state), state.adaptation, mode)
         return state._replace(adaptation=kept), mode
 
+    def held(self, before: L1State, after: L1State) -> L1State:
+        """Estimates stay; predictor and filter go on."""
+        return after._replace(adaptation=before.adaptation)
+
 
 def _look(measurement: Any, state: L1State) -> tuple[Tensor, Tensor]:
     """x and x~ (..., d)."""

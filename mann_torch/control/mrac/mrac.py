@@ -226,7 +226,8 @@ class Mrac(MatrixConstants, AdaptiveController):
             filters = self.labels.rates(seen.context, applied, found.features.hidden, state.labels)
         integral = None if self.integral is None else s
         signals = MracSignals(seen.error, s, wanted, found.features, found.read, found.weights)
-        return ControlOutput(u, MracState(adaptive, integral, kept, filters), signals)
+        forgets = self.forgets(state, found)
+        return ControlOutput(u, MracState(adaptive, integral, kept, filters), signals, forgets)
 
     def input_gains(
         self, reference: ReferenceSample, output: ControlOutput, state: MracState

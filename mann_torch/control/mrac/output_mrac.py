@@ -136,7 +136,8 @@ class OutputMrac(AdaptiveController):
         adaptive = self.approximator.rates(found, drive, state.adaptive, mode)
         filters = self.filters.rates(u, seen.context, state.filters)
         signals = OutputMracSignals(seen.error, found.features, found.read, found.weights)
-        return ControlOutput(u, OutputMracState(adaptive, filters), signals)
+        forgets = self.forgets(state, found)
+        return ControlOutput(u, OutputMracState(adaptive, filters), signals, forgets)
 
     def input_gains(
         self, reference: ReferenceSample, output: ControlOutput, state: OutputMracState

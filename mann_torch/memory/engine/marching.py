@@ -11,11 +11,20 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from ...compiled import Fingerprint, check_agreement, frozen, march, with_tensors
+from ...compiled import (
+    Fingerprint,
+    Rows,
+    check_agreement,
+    frozen,
+    job_of,
+    march,
+    program_of,
+    with_tensors,
+)
 from ..cells.cell import MemoryCell
 from ..cells.cell_state import CellState, Looked
 from ..sequences.steps import Marks, stepped
-from .programs import Held, Rows, job_of, program_of
+from .held import Held
 
 
 class SequenceStep:

@@ -8,12 +8,22 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from ...compiled import Fingerprint, Single, UntraceableError, check_agreement, frozen, with_tensors
+from ...compiled import (
+    Fingerprint,
+    Rows,
+    Single,
+    UntraceableError,
+    check_agreement,
+    frozen,
+    job_of,
+    program_of,
+    with_tensors,
+)
 from ...errors import DtypeError
 from ..cells.cell import MemoryCell
 from ..cells.cell_state import CellState
 from ..checks import check_within
-from .programs import Held, Rows, job_of, obstacle, program_of
+from .held import Held, obstacle
 
 
 class StreamStep:

@@ -124,7 +124,7 @@ class MemorySequence(nn.Module):
     def _run_now(self, begun: _Begun) -> _Run:
         from ...compiled import UntraceableError
         from ..engine import marching
-        from ..engine.programs import obstacle
+        from ..engine.held import obstacle
 
         reason = obstacle(self.cell, self.cell.stepped, begun.looked.hidden.device)
         if reason is None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from ...constraints import DesignModule
+from ...constraints import DesignModule, held_tensors
 from ...signals import Surroundings
 from ..task import Task
 
@@ -19,20 +19,6 @@ class Part:
 
     name: str
     rows: Tensor  # (B, *event)
-
-
-def held_tensors(module: nn.Module) -> dict[str, Tensor]:
-    """Parameters, buffers, and design constants that are shared tensors, by dotted name."""
-    found: dict[str, Tensor] = {
-        **dict(module.named_parameters()),
-        **dict(module.named_buffers()),
-    }
-    for prefix, part in module.named_modules():
-        if isinstance(part, DesignModule):
-            for name in part.domains():
-                dotted = f"{prefix}.{name}" if prefix else name
-                found.setdefault(dotted, getattr(part, name))
-    return found
 
 
 def _event_dims(module: nn.Module, names: Sequence[str]) -> dict[str, int | None]:

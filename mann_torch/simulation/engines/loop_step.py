@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from ...compiled import Layout, Leaf, Program, UntraceableError, frozen, with_tensors
+from ...constraints import held_tensors
 from ...signals import Surroundings
 from ...trees import Packer, leaves, map_tensors, rebuilt
 from ...types import LoopMode, LoopState
@@ -19,7 +20,6 @@ from ..conditions import Conditions, Span, Ticks
 from ..solvers.flat_flow import flat_rates
 from ..step_grid import MERGE
 from ..task import Task
-from .loop_parts import held_tensors
 from .stepping import advance
 
 #: Numbers of the clock: time, step, the next time and its share; with effort also one over the

@@ -12,9 +12,9 @@ import torch
 from torch import Tensor
 
 from ...compiled import frozen, with_tensors
+from ...constraints import held_tensors
 from ...trees import leaves, map_tensors, rebuilt
 from ..task import Task
-from .loop_parts import held_tensors
 from .recomputed import reaches_only, recomputed
 from .stepping import Carry, Stepper
 
