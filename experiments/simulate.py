@@ -24,6 +24,7 @@ from mann_torch.simulation.step_grid import StepGrid
 
 from .animations.every import check_animation
 from .animations.files import animate
+from .animations.motion import motion_of
 from .building.build import Experiment, build
 from .building.schedules import late_changes
 from .building.sizes import check_samples
@@ -61,7 +62,7 @@ def checked(cfg: Any) -> SimulateConfig:
     check_horizon(plain.horizon)
     horizon = plain.scenario.horizon if plain.horizon is None else plain.horizon
     check_samples(plain, horizon, output.sample_dt)
-    check_animation(output, build(plain).loop.plant, plain.plant["name"])
+    check_animation(output, {plain.plant["name"]: build(plain).loop.plant})
     return plain
 
 
@@ -154,7 +155,10 @@ def _task(cfg: Any) -> None:
     if plain.output.figures:
         figures = run_figures(title, plain.controller["name"], arrays, plain.output.member)
     save_all(folder, figures, plain.output)
-    animate(folder, plain.output, experiment.loop.plant, experiment.scenario, arrays, title)
+    if plain.output.animation:
+        member, plant = plain.output.member, experiment.loop.plant
+        motion = motion_of(plant, experiment.scenario, of_draws(arrays, member), member)
+        animate(folder / "animation", plain.output, motion, title)
     if plain.output.tensorboard:
         log_run(folder, plain, arrays, metrics, figures, command)
     finish(folder, record)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Mapping
 from typing import Any
 
 from mann_torch.errors import ConfigError
@@ -19,7 +20,7 @@ from mann_torch.plants import (
     TwoLinkArm,
 )
 
-from ..settings.config import OutputConfig
+from ..settings.config import FilmedConfig
 from .arms import Arm, UnitArm
 from .cart_pole import CartAndPole
 from .drawing import Drawing
@@ -42,7 +43,7 @@ GIF, MP4 = "gif", "mp4"
 _ASKED: dict[Any, str | None] = {True: GIF, False: None, GIF: GIF, MP4: MP4}
 
 
-def kind_of_film(output: OutputConfig) -> str | None:
+def kind_of_film(output: FilmedConfig) -> str | None:
     """The kind of file that `output.animation` asks for, None for none. Raises `ConfigError`."""
     asked = output.animation
     if not isinstance(asked, bool | str) or asked not in _ASKED:
@@ -50,16 +51,16 @@ def kind_of_film(output: OutputConfig) -> str | None:
     return _ASKED[asked]
 
 
-def check_animation(output: OutputConfig, plant: Plant, name: str) -> None:
-    """Raise `ConfigError` for an animation of a plant, called `name`, that can't be made."""
+def check_animation(output: FilmedConfig, plants: Mapping[str, Plant]) -> None:
+    """Raise `ConfigError` for an animation that can't be made of any of the plants, by name."""
     kind = kind_of_film(output)
     if kind is None:
         return
-    if drawing_of(plant) is None:
+    if not any(map(drawing_of, plants.values())):
         drawn = [each for each in PLANTS if PLANTS[each] in DRAWINGS]
         raise ConfigError(
-            f"output.animation = {output.animation}: no drawing of '{name}'; there are those of "
-            f"{', '.join(drawn)}"
+            f"output.animation = {output.animation}: no drawing of {', '.join(plants)}; there are "
+            f"those of {', '.join(drawn)}"
         )
     if kind == MP4 and shutil.which("ffmpeg") is None:
         raise ConfigError(

@@ -10,16 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mann_torch.plants import Plant
-from mann_torch.simulation import Scenario
-
-from ..runs.figures import Arrays
 from ..runs.progress import progress_bar
 from ..runs.writing import replaced, write_bytes
-from ..settings.config import OutputConfig
+from ..settings.config import FilmedConfig
 from .every import MP4, drawing_of, kind_of_film
 from .film import Film
-from .motion import motion_of
+from .motion import Motion
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -30,22 +26,21 @@ _COLOURS = 96
 MOST_BYTES = 4_000_000
 
 
-def animate(
-    folder: Path, output: OutputConfig, plant: Plant, scenario: Scenario, arrays: Arrays, title: str
-) -> None:
-    """`animation.gif` or `animation.mp4` of one draw, if a run's `output` asks for it.
+def animate(path: Path, output: FilmedConfig, motion: Motion, title: str) -> list[str]:
+    """A film at `path` (without suffix) if a run's `output` asks for it; its name, if so.
 
-    The plant is one that `check_animation` lets pass.
+    None of a plant without a drawing.
     """
-    kind, drawing = kind_of_film(output), drawing_of(plant)
+    kind, drawing = kind_of_film(output), drawing_of(motion.plant)
     if kind is None or drawing is None:
-        return
-    film = Film(drawing, motion_of(plant, scenario, arrays, output.member), title)
-    path = folder / f"animation.{kind}"
+        return []
+    film = Film(drawing, motion, title)
+    path = path.with_name(f"{path.name}.{kind}")
     if kind == MP4:
         _write_mp4(path, film)
     else:
         write_bytes(path, gif_of(film))
+    return [path.name]
 
 
 def gif_of(film: Film) -> bytes:

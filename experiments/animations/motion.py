@@ -11,7 +11,7 @@ import torch
 from mann_torch.plants import MechanicalPlant
 from mann_torch.simulation import Scenario
 
-from ..runs.figures import Arrays, of_draws
+from ..runs.figures import Arrays
 
 
 @dataclass(frozen=True)
@@ -50,16 +50,15 @@ class Motion:
         return dict(zip(names, self.arrays["reference"].T, strict=True))
 
 
-def motion_of(plant: Any, scenario: Scenario, arrays: Arrays, member: int) -> Motion:
-    """Draw `member` of a run's arrays, up to where it left the finite range."""
-    run = of_draws(arrays, member)
+def motion_of(plant: Any, scenario: Scenario, run: Arrays, member: int = 0) -> Motion:
+    """Draw `member` of a scenario, of the draw's arrays, up to where it left the finite range."""
     parameters = {}
     for name, rows in zip(scenario.parameters._fields, scenario.parameters, strict=True):
-        own = rows.expand(arrays["input"].shape[1], rows.shape[-1])[member].numpy()
+        own = (rows if rows.dim() == 1 else rows[member]).numpy()
         parameters[name] = np.broadcast_to(own, (len(run["t"]), len(own)))
     called = run["parameters"][:, 0].tolist()
     parameters |= {name: run[kept] for name, kept in zip(scenario.schedule, called, strict=True)}
-    whole = np.isfinite(run[run["states"][0]]).all(-1)
+    whole = np.atleast_1d(np.isfinite(run[run["states"][0]]).all(-1))
     kept = len(whole) if whole.all() else max(1, int(np.argmin(whole)))
     shown = {n: a if a.dtype.kind == "U" else a[:kept] for n, a in run.items()}
     rows = {n: a[:kept].copy() for n, a in parameters.items()}

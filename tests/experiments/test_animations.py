@@ -17,8 +17,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from experiments import simulate
-from experiments.animations import files
+from experiments import benchmarks, simulate
+from experiments.animations import files, film
 from experiments.animations.arms import Arm, UnitArm
 from experiments.animations.cart_pole import CartAndPole
 from experiments.animations.drawing import Drawing
@@ -28,6 +28,7 @@ from experiments.animations.masses import Masses
 from experiments.animations.motion import Motion, motion_of
 from experiments.animations.pendulum import HangingArm
 from experiments.animations.quadrotor import Quadrotor
+from experiments.runs.figures import of_draws
 from mann_torch.plants import (
     PLANTS,
     CartPole,
@@ -231,20 +232,40 @@ def test_a_draw_that_was_lost_is_shown_until_then() -> None:
     q[12:, 1] = np.nan
     arrays = {"t": 0.05 * np.arange(30), "states": np.array(["q", "qd"]), "q": q}
     arrays |= {"input": q, "reference": q, "parameters": np.zeros((0, 2), str)}
-    assert len(motion_of(plant, scenario, arrays, 0).t) == 30
-    lost = motion_of(plant, scenario, arrays, 1)
+    assert len(motion_of(plant, scenario, of_draws(arrays, 0), 0).t) == 30
+    lost = motion_of(plant, scenario, of_draws(arrays, 1), 1)
     assert len(lost.t) == len(lost.parameters["masses"]) == 12 and np.isfinite(lost.q).all()
 
 
 def test_a_large_film_loses_frames_and_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    film = Film(Arm, moved(TwoLinkArm(), walk(2, 12), ("masses",)), "an arm")
-    whole = files.gif_of(film)
+    shown = Film(Arm, moved(TwoLinkArm(), walk(2, 12), ("masses",)), "an arm")
+    whole = files.gif_of(shown)
     monkeypatch.setattr(files, "MOST_BYTES", len(whole) - 1)
-    small = files.gif_of(film)
+    small = files.gif_of(shown)
     assert len(small) < len(whole)
     (pictures, seconds), (fewer, longer) = map(frames_of, (whole, small))
     assert len(fewer) == 6 and len(pictures) == 12
     assert sum(longer) == pytest.approx(sum(seconds))
+
+
+@pytest.mark.slow
+def test_benchmark_problems_have_films_where_there_are_drawings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(film, "LONGEST", 0.5)
+    told = ("problems=[slotine_li,scalar_mrac]", "halved=false", "workers=1", "run_dir=run")
+    told += ("output.animation=true", *QUIET)
+    assert exit_code(monkeypatch, benchmarks.main, *told) in (0, 1)  # half steps are not asked for
+    made = sorted(path.name for path in (tmp_path / "run" / "figures").iterdir())
+    assert made == ["slotine_li-adapting.gif", "slotine_li-fixed.gif"]
+    report = (tmp_path / "run" / "report.md").read_text()
+    assert all(f"(figures/{name})" in report for name in made)
+    pictures, _ = frames_of(tmp_path / "run" / "figures" / made[0])
+    assert len(pictures) == 11
+    capsys.readouterr()
+    assert exit_code(monkeypatch, benchmarks.main, "problems=[rohrs]", "output.animation=true") == 2
+    assert "no drawing of RohrsPlant" in capsys.readouterr().err
 
 
 def ffmpeg(folder: Path, script: str) -> None:
@@ -281,9 +302,9 @@ def test_what_cannot_be_drawn_is_one_line_and_no_folder(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PATH", "")
     for arguments, word in (
-        (("problem=rohrs", "output.animation=true"), "no drawing of 'rohrs'; there are those of"),
-        (("problem=wing_rock", "output.animation=gif"), "no drawing of 'wing_rock'"),
-        (("problem=limited_input", "output.animation=true"), "no drawing of 'linear'"),
+        (("problem=rohrs", "output.animation=true"), "no drawing of rohrs; there are those of"),
+        (("problem=wing_rock", "output.animation=gif"), "no drawing of wing_rock"),
+        (("problem=limited_input", "output.animation=true"), "no drawing of linear"),
         (("output.animation=mp4",), "needs the program ffmpeg"),
         (("output.animation=avi",), "output.animation = avi: choose from true"),
         (("output.animation=1",), "output.animation = 1: choose from true"),

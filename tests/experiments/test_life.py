@@ -24,7 +24,7 @@ from tests.experiments.command import exit_code
 ROOT = Path(__file__).parents[2]
 QUIET = ["controller=nn", "horizon=0.05", "output.figures=false", "output.tensorboard=false"]
 COMMANDS = {
-    "simulate": ["simulate", "controller=nn", "horizon=1", "draws=2"],
+    "simulate": ["simulate", "controller=nn", "horizon=1", "draws=2", "output.animation=true"],
     "reproduce": ["reproduce", "experiment=[table_1]", "horizon=0.2", "draws=2", "workers=1"],
     "tune": [
         *("tune", "horizon=0.08", "effort_after=0.02", "train.draws=[0,1]", "judge=false"),
@@ -193,6 +193,8 @@ def numbers_in(folder: Path) -> dict[str, Any]:
                 continue
             key = f"{path.relative_to(folder)}/{name}"
             found[key] = (array.dtype.str, array.shape, array.tobytes())
+    for path in sorted(folder.rglob("animation.gif")):
+        found[str(path.relative_to(folder))] = path.read_bytes()
     for path in sorted(folder.rglob("metrics.json")):
         record = json.loads(path.read_text())
         for name in (*MEASURED, "command"):
