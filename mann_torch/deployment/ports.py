@@ -73,30 +73,38 @@ def ports_of(controller: Controller, plant: Plant | None, order: int) -> Ports:
                 f"{type(controller).__name__} does not say alone what it measures: give deploy a "
                 "plant (plant=...), or the ClosedLoop it runs in"
             )
-        outputs = tuple(Channel(f"q_{i + 1}", "rad") for i in range(n))
-        inputs = tuple(Channel(f"tau_{i + 1}", "N m") for i in range(n))
-        rates = tuple(Channel(f"qd_{i + 1}", "rad/s") for i in range(n))
-        return Ports(
-            _with_rates(outputs, order), outputs + rates, inputs, order, Measurement, (n, n),
-            tuple(range(n)),
-        )  # fmt: skip
-    parameters = plant.parameters_of()
-    coefficients = plant.coefficients(parameters)
-    seen = plant.measure(plant.rest(), coefficients)
-    widths = tuple(part.shape[-1] for part in seen)
-    names = [
-        Channel(name if width == 1 else f"{name}_{i + 1}", "")
-        for name, width in zip(seen._fields, widths, strict=True)
-        for i in range(width)
-    ]
+        q = tuple(Channel(f"q_{i + 1}", "rad") for i in range(n))
+        tau = tuple(Channel(f"tau_{i + 1}", "N m") for i in range(n))
+        seen = _with_rates(q, 1)
+        return Ports(_with_rates(q, order), seen, tau, order, Measurement, (n, n), tuple(range(n)))
+    coefficients = plant.coefficients(plant.parameters_of())
+    measured = plant.measure(plant.rest(), coefficients)
+    widths = tuple(part.shape[-1] for part in measured)
     output = _outputs_among(plant, coefficients)
-    if output is not None:
-        for place, channel in zip(output, plant.outputs, strict=True):
-            names[place] = channel
     return Ports(
-        _with_rates(plant.outputs, order), tuple(names), tuple(plant.inputs), order, type(seen),
-        widths, output,
+        _with_rates(plant.outputs, order), _measured(plant, measured, output), tuple(plant.inputs),
+        order, type(measured), widths, output,
     )  # fmt: skip
+
+
+def _measured(plant: Plant, measured: Any, output: tuple[int, ...] | None) -> tuple[Channel, ...]:
+    """Names of the numbers that are measured: outputs as the plant calls them, else by field."""
+    names = [
+        Channel(name if part.shape[-1] == 1 else f"{name}_{i + 1}", "")
+        for name, part in zip(measured._fields, measured, strict=True)
+        for i in range(part.shape[-1])
+    ]
+    for place, channel in zip(output or (), plant.outputs, strict=bool(output)):
+        names[place] = channel
+    if isinstance(measured, Measurement):
+        n = measured.q.shape[-1]
+        if n == len(plant.outputs):  # coordinates of their kind, if not they themselves
+            names = [
+                Channel(name, unit or other.unit)
+                for (name, unit), other in zip(names[:n], plant.outputs, strict=True)
+            ]
+        names = list(_with_rates(names[:n], 1))
+    return tuple(names)
 
 
 def _with_rates(outputs: Sequence[Channel], order: int) -> tuple[Channel, ...]:

@@ -107,7 +107,8 @@ class Stepper:
         which was given, and the command the last one. Raises `ShapeError`, `DtypeError`,
         `KindError`.
         """
-        state = self._blob.check(state).detach()
+        state = self._blob.check(state)
+        state = state.detach() if state.requires_grad else state
         if adapt is not True and adapt is not False:
             raise KindError(f"adapt = {adapt!r}: give True or False")
         rows = self._rows(reference, measurement)
