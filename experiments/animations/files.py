@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 #: Colours of a GIF; more of them make it larger, and no prettier.
-_COLOURS = 96
+_COLOURS = 192
 #: Bytes of a GIF, at most: frames are left out until it is small enough.
 MOST_BYTES = 4_000_000
 

@@ -282,10 +282,10 @@ def test_an_mp4_is_made_by_ffmpeg_whole_or_not_at_all(
     programs = tmp_path / "bin"
     programs.mkdir()
     monkeypatch.setenv("PATH", f"{programs}{os.pathsep}{os.environ['PATH']}")
-    told = (*ARM, *QUIET, "output.animation=mp4")
+    told = ("controller=reallocating_initial", "horizon=0.1", *QUIET, "output.animation=mp4")
     ffmpeg(programs, 'echo "$@" > asked.txt; for last; do :; done; cat > "$last"')
     assert exit_code(monkeypatch, simulate.main, *told, "run_dir=made") == 0
-    assert (tmp_path / "made" / "animation.mp4").stat().st_size == 11 * WIDTH * HEIGHT * 4
+    assert (tmp_path / "made" / "animation.mp4").stat().st_size == 3 * WIDTH * HEIGHT * 4
     asked = (tmp_path / "asked.txt").read_text()
     assert f"-s {WIDTH}x{HEIGHT}" in asked and "-framerate 20.0" in asked and "-f mp4" in asked
     capsys.readouterr()
