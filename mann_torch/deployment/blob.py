@@ -29,7 +29,9 @@ class Blob:
     """
 
     def __init__(self, like: Kept, dtype: torch.dtype, told: str) -> None:
-        self._like, self.dtype, self._whole = like, dtype, _WHOLE[dtype]
+        #: What is kept, of any values.
+        self.like = like
+        self.dtype, self._whole = dtype, _WHOLE[dtype]
         self._shapes = [tuple(x.shape) for x in leaves(like)]
         self._kinds = [
             "f" if x.is_floating_point() else "b" if x.dtype == torch.bool else "i"
@@ -77,7 +79,7 @@ class Blob:
                 value.clone() if kind == "f" else value != 0 if kind == "b" else value.long()
             )
             at[array] = end
-        return rebuilt(self._like, parts)
+        return rebuilt(self.like, parts)
 
     def flags(self, state: Tensor) -> int:
         """Of the tick that gave this state."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import torch
@@ -62,6 +64,11 @@ class Stepper:
     def ports(self) -> Ports:
         """Numbers that go in and out, by name."""
         return self.tick.ports
+
+    @property
+    def blob(self) -> Blob:
+        """The form of a flat state."""
+        return self._blob
 
     @property
     def period(self) -> float:
@@ -140,6 +147,27 @@ class Stepper:
         Raises `RecordError` for those of another controller, and for damaged ones.
         """
         return self._blob.from_bytes(instance("data", data, bytes))
+
+    def to_c(
+        self,
+        folder: str | os.PathLike[str],
+        name: str = "controller",
+        constants: str = "baked",
+        libm: bool = True,
+    ) -> Path:
+        """Write the step as C99 into a folder: header, source, test, Makefile, README.
+
+        It is the program that the compiled engine runs, without allocation or recursion, in the
+        stepper's precision. `name` begins files and functions; `constants` are "baked" into the
+        code, or a "struct" that is given at each call; without `libm` nothing is linked. An earlier
+        export of the same controller is replaced as a whole.
+
+        Raises `ExportError` for a step that C cannot say, and for a folder that holds something
+        else, `ConfigError`, `KindError`.
+        """
+        from .c_code import to_c
+
+        return to_c(self, folder, name, constants, libm)
 
     def _rows(self, reference: Any, measurement: Any) -> tuple[Tensor, Tensor]:
         ports, dtype = self.ports, self.dtype
