@@ -21,7 +21,7 @@ from .building.build import Experiment
 from .command.cli import command_line, reject_unknown, run_cli
 from .exporting.composing import experiment_of, first_state, learned_state, stepper_of
 from .exporting.report import START, files_in, left_behind, report_of
-from .exporting.runtimes import RUNTIMES, check_runtimes
+from .exporting.runtimes import RUNTIMES, check_runtimes, write_runtime
 from .runs.life import finish
 from .runs.progress import progress_bar
 from .runs.writing import write_bytes, write_text
@@ -67,8 +67,7 @@ def _task(cfg: Any) -> None:
     files = {}
     with progress_bar(len(plain.export.runtimes), "runtime") as bar:
         for name in plain.export.runtimes:
-            RUNTIMES[name].write(stepper, plain.export, folder / name)
-            files[name] = files_in(folder / name)
+            files[name] = files_in(write_runtime(name, stepper, plain.export, folder))
             bar.update()
     title = f"{plain.controller['name']} for {plain.plant['name']}"
     left = left_behind(experiment.loop, experiment.scenario)

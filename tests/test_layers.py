@@ -119,7 +119,7 @@ ROOMS = (
     ("records",),
     ("building", "sequence_tasks", "animations"),
     ("reproduction", "gradients", "tuning", "learning"),
-    ("problems", "problem_tuning", "returns", "peering"),
+    ("problems", "problem_tuning", "returns", "peering", "exporting"),
     ("benchmarking", "ablating"),
 )
 

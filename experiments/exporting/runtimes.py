@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from mann_torch.deployment.c_code.form import form_of
-
 from mann_torch.deployment import Stepper
+from mann_torch.deployment.c_code.form import form_of
 
 from ..settings.export_config import ExportedConfig
 
@@ -49,3 +49,14 @@ def check_runtimes(stepper: Stepper, cfg: ExportedConfig) -> None:
     """Raise `ConfigError`, or what a runtime raises, for one that can't have this controller."""
     for name in cfg.runtimes:
         RUNTIMES[name].check(stepper, cfg)
+
+
+def write_runtime(name: str, stepper: Stepper, cfg: ExportedConfig, folder: Path) -> Path:
+    """A runtime's files in a folder of its own; what a killed run left half beside it is removed.
+
+    Raises `MannError`, `OSError`.
+    """
+    for half in folder.glob(f".{name}-*"):
+        shutil.rmtree(half, ignore_errors=True)
+    RUNTIMES[name].write(stepper, cfg, folder / name)
+    return folder / name

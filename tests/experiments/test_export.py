@@ -9,7 +9,6 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -178,8 +177,11 @@ def test_a_finished_export_is_not_made_again(
     capsys.readouterr()
     assert first and run(monkeypatch, *SMALL, "run_dir=run") == 0
     assert "finished already, skipped" in capsys.readouterr().out
-    # Files of a run that was killed before its mark are made again.
+    # What a run did that was killed before its mark is done again, and what it left half removed.
     (tmp_path / "run" / "metrics.json").unlink()
+    (tmp_path / "run" / ".c-a1b2c3d4").mkdir()
+    (tmp_path / "run" / ".c-a1b2c3d4" / "controller.h").write_text("half a ")
     assert run(monkeypatch, *SMALL, "run_dir=run") == 0
     assert record(tmp_path / "run")["files"]["c"]
-    assert np.all([p.exists() for p in first])
+    assert all(path.exists() for path in first)
+    assert not list((tmp_path / "run").glob(".c-*"))

@@ -56,6 +56,7 @@ OTHERS = {
         *("tune_problems", "problems=[rohrs]", "train=2", "held_out=4", "iterations=6"),
         "workers=1",
     ],
+    "export": ["export", "controller=nn", "export.learned=true", "horizon=2"],
     "returning": [
         *("returning", "variants=[plain,memory_1]", "visits=2", "visit_length=2", "window=1"),
         *("draws=2", "workers=1"),
@@ -243,6 +244,7 @@ def kill_and_repeat(tmp_path: Path, name: str, shares: list[float]) -> None:
         assert again.returncode == 0, (share, said[-2000:])
         assert numbers_in(folder) == expected, share
         assert not [p for p in folder.rglob(".*.????????") if p.is_file()]
+        assert not [p for p in folder.iterdir() if p.name.startswith(".c-")]
         shutil.rmtree(folder)
     print(f"{name}: killed {met} of {loading:.1f} s of loading and {work:.1f} s of work")
 
