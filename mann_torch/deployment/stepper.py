@@ -64,6 +64,11 @@ class Stepper:
         return self.tick.ports
 
     @property
+    def blob(self) -> Blob:
+        """The form of a flat state."""
+        return self._blob
+
+    @property
     def period(self) -> float:
         """Time between steps [s]."""
         return self.tick.period
