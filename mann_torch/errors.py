@@ -41,6 +41,10 @@ class ReferenceFileError(ConfigError):
     """A file of samples of a reference is missing, unreadable or does not fit."""
 
 
+class ExportError(ConfigError):
+    """A controller cannot be written in the form that is asked for; the message says why."""
+
+
 class SolverError(MannError, RuntimeError):
     """An integration could not be carried on; the message names time and cause."""
 

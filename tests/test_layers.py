@@ -125,9 +125,9 @@ ROOMS = (
     ("sweeps",),
     ("command",),
     ("records",),
-    ("building", "sequence_tasks"),
+    ("building", "sequence_tasks", "animations"),
     ("reproduction", "gradients", "tuning", "learning"),
-    ("problems", "problem_tuning", "returns", "peering"),
+    ("problems", "problem_tuning", "returns", "peering", "exporting"),
     ("benchmarking", "ablating"),
 )
 
