@@ -88,6 +88,13 @@ def rebuilt(template: Tree, parts: Sequence[Tensor]) -> Tree:
     return tree
 
 
+def structure(tree: Any) -> Any:
+    """Which members of a tree there are, and of what kinds."""
+    if tree is None or isinstance(tree, Tensor):
+        return tree is not None
+    return (type(tree).__qualname__, *(structure(branch) for branch in tree))
+
+
 class Packer(Generic[Tree]):
     """Turns a tree of tensors (*batch, *event) into one (*batch, M) and back.
 

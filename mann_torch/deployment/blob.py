@@ -11,7 +11,7 @@ from torch import Tensor
 
 from ..checks import instance
 from ..errors import DtypeError, RecordError, ShapeError
-from ..trees import leaf_names, leaves, rebuilt
+from ..trees import leaf_names, leaves, map_tensors, rebuilt
 from .tick import Kept
 
 #: What bytes of a state begin with.
@@ -59,25 +59,41 @@ class Blob:
 
     def packed(self, kept: Kept, flags: int | Tensor = 0) -> Tensor:
         """One flat tensor (size,)."""
-        rows = [x.detach().reshape(-1) for x in leaves(kept)]
-        pairs = list(zip(rows, self._kinds, strict=True))
-        sign = {"b": -1, "i": 1}
-        whole = [sign[k] * x.to(self._whole) for x, k in pairs if k != "f"]
-        whole.append(torch.as_tensor(flags, dtype=self._whole).reshape(1))
-        floating = [x.to(self.dtype) for x, k in pairs if k == "f"]
-        return torch.cat([*floating, torch.cat(whole).view(self.dtype)])
+        f, k = self.flat(map_tensors(torch.detach, kept))
+        return self.joined(f, k, flags)
 
     def unpacked(self, state: Tensor) -> Kept:
         """The inverse of `packed`, flags left out."""
-        f, k = state[: self.n_f], state[self.n_f :].view(self._whole)
+        return map_tensors(torch.clone, self.tree(*self.split(state)))
+
+    def joined(self, f: Tensor, k: Tensor, flags: int | Tensor = 0) -> Tensor:
+        """A flat state of its floating numbers (n_f,) and its others (n_k,)."""
+        told = torch.as_tensor(flags, dtype=self._whole).reshape(1)
+        return torch.cat([f, torch.cat([k, told]).view(self.dtype)])
+
+    def split(self, state: Tensor) -> tuple[Tensor, Tensor]:
+        """The inverse of `joined`, flags left out."""
+        return state[: self.n_f], state[self.n_f : -1].view(self._whole)
+
+    def zeros(self) -> tuple[Tensor, Tensor]:
+        """Of the form of `split`."""
+        return torch.zeros(self.n_f, dtype=self.dtype), torch.zeros(self.n_k, dtype=self._whole)
+
+    def flat(self, kept: Kept) -> tuple[Tensor, Tensor]:
+        """What is kept as floating numbers (n_f,) and others (n_k,); it can be traced."""
+        pairs = list(zip((x.reshape(-1) for x in leaves(kept)), self._kinds, strict=True))
+        sign = {"b": -1, "i": 1}
+        whole = [sign[k] * x.to(self._whole) for x, k in pairs if k != "f"]
+        return torch.cat([x.to(self.dtype) for x, k in pairs if k == "f"]), torch.cat(whole)
+
+    def tree(self, f: Tensor, k: Tensor) -> Kept:
+        """The inverse of `flat`."""
         parts, at = [], {"f": 0, "k": 0}
         for shape, kind in zip(self._shapes, self._kinds, strict=True):
             array, source = ("f", f) if kind == "f" else ("k", k)
             end = at[array] + math.prod(shape)
             value = source[at[array] : end].reshape(shape)
-            parts.append(
-                value.clone() if kind == "f" else value != 0 if kind == "b" else value.long()
-            )
+            parts.append(value if kind == "f" else value != 0 if kind == "b" else value.long())
             at[array] = end
         return rebuilt(self.like, parts)
 
