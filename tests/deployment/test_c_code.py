@@ -38,6 +38,7 @@ def stepper() -> mt.Stepper:
      *(pytest.param(*p, marks=pytest.mark.slow) for p in
        ((torch.float64, "struct"), (torch.float32, "baked"), (torch.float32, "struct")))],
 )  # fmt: skip
+@pytest.mark.usefixtures("unmeasured")
 def test_steps_are_those_of_python_to_the_bit(
     dtype: torch.dtype, constants: str, tmp_path: Path
 ) -> None:
@@ -57,19 +58,21 @@ def test_steps_are_those_of_python_to_the_bit(
     assert c.to_bytes(own) == stepper.to_bytes(state)
 
 
+@pytest.mark.usefixtures("unmeasured")
 def test_the_test_that_is_written_with_it_holds(stepper: mt.Stepper, tmp_path: Path) -> None:
-    folder = stepper.to_c(tmp_path / "out", NAME, libm=False)
-    assert "all holds" in made(folder, "test")
-    assert undefined(folder / f"{NAME}.o") == set()
+    place = stepper.to_c(tmp_path / "out", NAME, libm=False)
+    assert "all holds" in made(place, "test")
+    assert undefined(place / f"{NAME}.o") == set()
     # It can fail: a period that is another one.
-    text = (folder / f"{NAME}.c").read_text()
+    text = (place / f"{NAME}.c").read_text()
     assert "0x1.0624dd2f1a9fcp-10" in text
-    (folder / f"{NAME}.c").write_text(text.replace("0x1.0624dd2f1a9fcp-10", "0x1.07p-10"))
+    (place / f"{NAME}.c").write_text(text.replace("0x1.0624dd2f1a9fcp-10", "0x1.07p-10"))
     with pytest.raises(AssertionError, match="FAILED: commands and state"):
-        made(folder, "test")
+        made(place, "test")
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("unmeasured")
 def test_constants_are_set_at_run_time(tmp_path: Path) -> None:
     controller = make_controller("nn")
     before = mt.deploy(controller, 1e-3)
@@ -96,11 +99,11 @@ def test_constants_are_set_at_run_time(tmp_path: Path) -> None:
 
 
 def test_what_is_written(stepper: mt.Stepper, tmp_path: Path) -> None:
-    folder = stepper.to_c(tmp_path / "new" / "out", NAME)
-    files = {path.name for path in folder.iterdir()}
+    place = stepper.to_c(tmp_path / "new" / "out", NAME)
+    files = {path.name for path in place.iterdir()}
     assert files == {"Makefile", "README.md", f"{NAME}.c", f"{NAME}.h", f"test_{NAME}.c"}
-    assert [path.name for path in folder.parent.iterdir()] == ["out"]
-    readme = (folder / "README.md").read_text()
+    assert [path.name for path in place.parent.iterdir()] == ["out"]
+    readme = (place / "README.md").read_text()
     for words in (
         "q_1 acceleration",
         "rad/s",
@@ -110,34 +113,36 @@ def test_what_is_written(stepper: mt.Stepper, tmp_path: Path) -> None:
         "0.001 s",
     ):
         assert words in readme
-    source = (folder / f"{NAME}.c").read_text()
+    source = (place / f"{NAME}.c").read_text()
     assert not re.search(r"\b(malloc|free|alloca|static (?!const|inline|void|uint64_t))\b", source)
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("unmeasured")
 def test_an_export_is_replaced_whole_and_nothing_else_is(
     stepper: mt.Stepper, tmp_path: Path
 ) -> None:
-    folder = stepper.to_c(tmp_path / "out", NAME)
-    text = (folder / f"{NAME}.c").read_text()
-    (folder / f"{NAME}.c").write_text("")
-    (folder / f"{NAME}.o").write_text("")
-    stepper.to_c(folder, NAME)
-    assert (folder / f"{NAME}.c").read_text() == text
-    assert not (folder / f"{NAME}.o").exists()
+    place = stepper.to_c(tmp_path / "out", NAME)
+    text = (place / f"{NAME}.c").read_text()
+    (place / f"{NAME}.c").write_text("")
+    (place / f"{NAME}.o").write_text("")
+    stepper.to_c(place, NAME)
+    assert (place / f"{NAME}.c").read_text() == text
+    assert not (place / f"{NAME}.o").exists()
     with pytest.raises(ExportError, match="holds something else"):
-        stepper.to_c(folder, "other")
+        stepper.to_c(place, "other")
     with pytest.raises(ExportError, match="holds something else"):
         deployed(name="nn").to_c(tmp_path, NAME)
     (tmp_path / "file").write_text("")
     with pytest.raises(ExportError, match="is a file"):
         stepper.to_c(tmp_path / "file", NAME)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "out"]
-    assert (folder / f"{NAME}.c").read_text() == text
+    assert (place / f"{NAME}.c").read_text() == text
 
 
+@pytest.mark.usefixtures("unmeasured")
 def test_what_is_wrong_is_named(stepper: mt.Stepper, tmp_path: Path) -> None:
-    for name in ("Big", "1st", "a b", "int", "", "x" * 42, "a-b"):
+    for name in ("_arm", "1st", "a b", "int", "", "x" * 42, "a-b"):
         with pytest.raises(ConfigError, match="C identifier"):
             stepper.to_c(tmp_path / "out", name)
     with pytest.raises(ConfigError, match="constants = 'hot': choose from baked, struct"):
@@ -149,6 +154,7 @@ def test_what_is_wrong_is_named(stepper: mt.Stepper, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.usefixtures("unmeasured")
 def test_what_can_not_be_traced_is_refused_in_a_line(tmp_path: Path) -> None:
     class Asking(mt.SoftAttention):
         def forward(self, comparison, active):  # type: ignore[no-untyped-def]
@@ -162,6 +168,7 @@ def test_what_can_not_be_traced_is_refused_in_a_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("unmeasured")
 def test_too_large_a_controller_is_refused(tmp_path: Path) -> None:
     memory = mt.WorkingMemory(100, 400, mt.HardAttention(), mt.RepresentationKeys())
     large = mt.deploy(mt.MannController(2, 400, memory), 1e-3, engine="torch")

@@ -16,7 +16,7 @@ from .c_calling import NAME, InC, made, needs
 from .test_c_code import deployed as stepper_of
 from .test_c_code import rows
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("unmeasured")]
 
 
 @pytest.mark.parametrize("name", CONTROLLERS_TO_CHECK)

@@ -30,7 +30,7 @@ Deployed = Callable[[str], mt.Stepper | InC]
 
 
 @pytest.fixture(params=["in Python", "in C"])
-def deployed(request: pytest.FixtureRequest, tmp_path: Path) -> Deployed:
+def deployed(request: pytest.FixtureRequest, tmp_path: Path, unmeasured: None) -> Deployed:
     def made(problem: str) -> mt.Stepper | InC:
         stepper = mt.deploy(build(composed((f"problem={problem}",))).loop, PERIOD)
         return stepper if request.param == "in Python" else InC(stepper, tmp_path / "out")

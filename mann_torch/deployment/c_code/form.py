@@ -138,9 +138,10 @@ class Form:
 def form_of(stepper: Stepper, name: str, constants: str, libm: bool) -> Form:
     """A form, checked. Raises `ConfigError`, `KindError`, `ExportError`."""
     instance("name", name, str)
-    if not re.fullmatch(r"[a-z][a-z0-9_]{0,40}", name) or name in _WORDS:
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,40}", name) or name in _WORDS:
         raise ConfigError(
-            f"name = {name!r}: must be a C identifier of small letters, digits and _, 41 at most"
+            f"name = {name!r}: must be a C identifier: letters, digits and _, a letter first, 41 "
+            "at most"
         )
     choice("constants", constants, CONSTANTS)
     form = Form(stepper, name, constants == "struct", flag("libm", libm))
