@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import torch
 from torch import Tensor
 
-from ...checks import flag, instance
+from ...checks import choice, flag, instance
 from ...compiled import Program, UntraceableError
 from ...compiled.c99 import CUnit, c99_function
 from ...compiled.real import DOUBLE, REALS, Real
@@ -140,6 +140,12 @@ def form_of(stepper: Stepper, name: str, constants: str, libm: bool) -> Form:
     check_name(name)
     if constants not in CONSTANTS:
         raise ConfigError(f"constants = {constants!r}: choose one of {', '.join(CONSTANTS)}")
+    instance("name", name, str)
+    if not re.fullmatch(r"[a-z][a-z0-9_]{0,40}", name) or name in _WORDS:
+        raise ConfigError(
+            f"name = {name!r}: must be a C identifier of small letters, digits and _, 41 at most"
+        )
+    choice("constants", constants, CONSTANTS)
     form = Form(stepper, name, constants == "struct", flag("libm", libm))
     form.units  # noqa: B018  what cannot be written is refused before any file is
     return form
