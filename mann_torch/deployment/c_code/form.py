@@ -137,6 +137,9 @@ class Form:
 
 def form_of(stepper: Stepper, name: str, constants: str, libm: bool) -> Form:
     """A form, checked. Raises `ConfigError`, `KindError`, `ExportError`."""
+    check_name(name)
+    if constants not in CONSTANTS:
+        raise ConfigError(f"constants = {constants!r}: choose one of {', '.join(CONSTANTS)}")
     instance("name", name, str)
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,40}", name) or name in _WORDS:
         raise ConfigError(
@@ -151,6 +154,15 @@ def form_of(stepper: Stepper, name: str, constants: str, libm: bool) -> Form:
 
 def _double(tree: Any) -> Any:
     return map_tensors(lambda x: x.double() if x.is_floating_point() else x, tree)
+
+
+def check_name(name: object) -> None:
+    """Raise `KindError` or `ConfigError` for what is no name of files and C functions."""
+    text = instance("name", name, str)
+    if not re.fullmatch(r"[a-z][a-z0-9_]{0,40}", text) or text in _WORDS:
+        raise ConfigError(
+            f"name = {text!r}: must be a C identifier of small letters, digits and _, 41 at most"
+        )
 
 
 def _traced(make: Any) -> Program:
