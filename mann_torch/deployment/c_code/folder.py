@@ -16,7 +16,8 @@ from .form import Form, form_of
 from .header import TITLE, header
 from .makefile import FLAGS, makefile
 from .readme import Measured, readme
-from .replay import STEPS, recorded, replay
+from .recording import recorded
+from .replay import replay
 from .source import source
 
 if TYPE_CHECKING:
@@ -39,17 +40,18 @@ def to_c(
     place = Path(folder)
     form = form_of(stepper, name, constants, libm)
     _check_place(place, form)
+    record = recorded(stepper)
     files = {
         f"{name}.h": header(form),
         f"{name}.c": source(form),
-        f"test_{name}.c": replay(form, recorded(stepper)),
+        f"test_{name}.c": replay(form, record),
         "Makefile": makefile(form),
     }
     place.parent.mkdir(parents=True, exist_ok=True)
     made = Path(tempfile.mkdtemp(prefix=f".{place.name}-", dir=place.parent))
     try:
         _write(made, files)
-        _write(made, {"README.md": readme(form, STEPS, _sizes(made, form))})
+        _write(made, {"README.md": readme(form, len(record.flags), _sizes(made, form))})
         made.chmod(0o755)
         _put(made, place)
     finally:

@@ -2,65 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
-import torch
 from torch import Tensor
 
 from ...compiled.cpp.expressions import number, whole
-from ...trees import leaves
-from ..stepper import Stepper
 from .form import Form
-
-#: Steps recorded; between these two nothing adapts, and at the first of them the state is saved.
-STEPS, FROZEN, FREE = 300, 120, 160
-#: By how much numbers may differ, relative to the largest of their kind: a machine without fma
-#: rounds otherwise.
-TOLERANCE = {8: "1e-9", 4: "2e-3"}
-
-
-class Record(NamedTuple):
-    """What went in and what came out, a row a step."""
-
-    references: list[Tensor]
-    measurements: list[Tensor]
-    inputs: list[Tensor]
-    flags: list[int]
-    saved: bytes  # before step `FROZEN`
-    last: Tensor  # the state after the last step
-
-
-def recorded(stepper: Stepper) -> Record:
-    """Steps at sines: the reference with its derivatives, outputs measured that are near it."""
-    pairs = [_row(stepper, i * stepper.period) for i in range(STEPS)]
-    state = stepper.initial_state(*pairs[0])
-    inputs, flags, saved = [], [], b""
-    for i, (reference, measurement) in enumerate(pairs):
-        if i == FROZEN:
-            saved = stepper.to_bytes(state)
-        made = stepper.step(state, reference, measurement, adapt=not FROZEN <= i < FREE)
-        state = made.state
-        inputs.append(made.input)
-        flags.append(made.flags)
-    return Record([r for r, _ in pairs], [m for _, m in pairs], inputs, flags, saved, state)
-
-
-def _row(stepper: Stepper, time: float) -> tuple[Tensor, Tensor]:
-    ports, width = stepper.ports, stepper.ports.width
-    reference = [
-        0.8 * (1.0 + 0.3 * i) ** order
-        * math.sin((1.0 + 0.3 * i) * time + 0.5 * i + 0.5 * math.pi * order)
-        for order in range(ports.order + 1)
-        for i in range(width)
-    ]  # fmt: skip
-    seen = [0.4 * math.sin((1.3 + 0.2 * i) * time + i) for i in range(len(ports.measurement))]
-    for i, place in enumerate(ports.output or ()):
-        seen[place] = reference[i] + 0.1 * math.sin(3.0 * time + i)
-    row, other = (torch.tensor(x, dtype=torch.float64) for x in (reference, seen))
-    return row.to(stepper.dtype), other.to(stepper.dtype)
-
+from .recording import TOLERANCE, Record, scale
 
 _TEXT = """// Replays what the Python stepper did, and checks what must not harm: exits with 0.
 #include "@.h"
@@ -199,24 +147,20 @@ def replay(form: Form, record: Record) -> str:
     name, real = form.name, form.real
     n_f, n_k = form.size("f"), form.size("k")
     f, k = record.last[:n_f], record.last[n_f:].view(real.whole_dtype)[:n_k]
-    kept = [x for x in leaves(form.stepper.unpacked(record.last)) if x.is_floating_point()]
-    scale = torch.cat(
-        [x.abs().max().expand(x.numel()) if x.numel() else x.reshape(-1) for x in kept]
-    )
     places = {
         "$CONSTANTS": "&constants, " if form.settable else "",
         "$DEFAULTS": f"  constants = {name}_default_constants();\n" if form.settable else "",
-        "$STEPS": str(STEPS),
-        "$FROZEN": str(FROZEN),
-        "$FREE": str(FREE),
-        "$TOLERANCE": TOLERANCE[real.bytes],
+        "$STEPS": str(len(record.flags)),
+        "$FROZEN": str(record.frozen),
+        "$FREE": str(record.free),
+        "$TOLERANCE": repr(TOLERANCE[real.bytes]),
         "$REFERENCES": _table(record.references, form),
         "$MEASUREMENTS": _table(record.measurements, form),
         "$INPUTS": _table(record.inputs, form),
         "$FLAGS": _lines([str(x) for x in record.flags], 20),
         "$SAVED": _lines([str(b) for b in record.saved], 20),
         "$LAST_F": _lines(_numbers(f, form), 4),
-        "$SCALE_F": _lines(_numbers(scale, form), 4),
+        "$SCALE_F": _lines(_numbers(scale(form.stepper, record.last), form), 4),
         "$LAST_K": _lines([whole(str(v)) for v in k.tolist()] or ["0"], 8),
         "$ROOM_K": str(max(n_k, 1)),
         "$REFUSED": f"{name.upper()}_REFUSED",
