@@ -29,9 +29,9 @@ _HEAD = """#include <stdbool.h>
 #pragma GCC optimize("fp-contract=off")
 #endif
 """
-# Where the machine has no fma, sums of a step are a * b + c, rounded twice; only in the elementary
-# functions, where the product's error matters, it is computed.
-_FMA = """#if defined(FP_FAST_FMA@F@) || defined(__FP_FAST_FMA@F@) || defined(__FMA__) || \\
+_FMA = """// Where products and sums are rounded together. Elsewhere those of a step are rounded
+// twice; only in elementary functions the error of a product is computed, where it matters.
+#if defined(FP_FAST_FMA@F@) || defined(__FP_FAST_FMA@F@) || defined(__FMA__) || \\
     (defined(__ARM_FEATURE_FMA)@ARM@)
 #define @NAME@ 1
 #endif

@@ -123,8 +123,9 @@ sanitizers. By hand:
 
 _LIBM = {
     True: "It links <math.h>: square roots, rounding, and sin, cos, tan beyond 1e9.",
-    False: "It links nothing, <math.h> neither: sin, cos and tan beyond 1e9 and a remainder beyond "
-    "a quotient of 2^52 are NaN, and so is what comes of them: flag `DIVERGED`.",
+    False: "It links nothing, not even <math.h>; clang calls memcpy and memset by itself. sin, cos "
+    "and tan beyond 1e9 and a remainder beyond a quotient of 2^52 are NaN, and so is what comes of "
+    "them: flag `DIVERGED`.",
 }
 
 
