@@ -18,12 +18,16 @@ from omegaconf import OmegaConf
 
 from mann_torch.errors import ConfigError
 
+from .animations.every import check_animation, drawing_of
+from .animations.files import animate
+from .animations.motion import motion_of
+from .building.build import Experiment
 from .command.cli import command_line, reject_unknown, run_cli
 from .command.failing import FAILED
 from .problems import table
 from .problems.every import PROBLEMS
 from .problems.pictures import picture
-from .problems.rolling import CaseResult, n_steps, run_case
+from .problems.rolling import CaseResult, experiments_of, n_steps, run_case
 from .records.recording import log_summary, summary_writer
 from .runs.life import finish
 from .runs.parts import all_parts, npz_parts
@@ -58,7 +62,19 @@ def checked(cfg: Any) -> tuple[BenchmarksConfig, dict[str, int]]:
         for problem in plain.problems
         for case in PROBLEMS[problem].cases
     }
+    if plain.output.animation:
+        plants = [case[0].loop.plant for case in _cases(plain).values()]
+        check_animation(plain.output, {type(plant).__name__: plant for plant in plants})
     return plain, steps
+
+
+def _cases(cfg: BenchmarksConfig) -> dict[tuple[str, str], list[Experiment]]:
+    """The loops of every case. Raises `ConfigError`."""
+    return {
+        (problem, name): experiments_of(cfg, case)
+        for problem in cfg.problems
+        for name, case in PROBLEMS[problem].cases.items()
+    }
 
 
 def _task(cfg: Any) -> None:
@@ -70,6 +86,7 @@ def _task(cfg: Any) -> None:
     wall_s = time.perf_counter() - start
     rows = table.rows_of(results)
     figures = _draw(plain, results, folder) if plain.output.figures else {}
+    films = _films(plain, results, folder) if plain.output.animation else {}
     for (problem, case), result in results.items():
         write_arrays(folder / "arrays" / f"{problem}-{case}.npz", result.arrays)
     engines = ", ".join(sorted({result.engine for result in results.values()}))
@@ -86,6 +103,7 @@ def _task(cfg: Any) -> None:
     ]
     for problem in plain.problems:
         shown = linked([f"figures/{problem}"] if figures else [], plain.output)
+        shown += "".join(f"\n[{name}](figures/{name})\n" for name in films.get(problem, ()))
         own = [row for row in rows if row.problem == problem]
         sections.append(table.markdown(problem, own) + ("\n" + shown.rstrip() if shown else ""))
     if lost:
@@ -138,6 +156,18 @@ def _all_results(cfg: BenchmarksConfig, steps: dict[str, int], folder: Path) -> 
     counts = [steps[name] for name in longest]
     found = all_parts(run_case, given, counts, kept, cfg.workers, "step")
     return {of: found[name] for name, of in names.items()}
+
+
+def _films(cfg: BenchmarksConfig, results: Results, folder: Path) -> dict[str, list[str]]:
+    """Names of the films of every problem whose plant has a drawing."""
+    films: dict[str, list[str]] = {problem: [] for problem in cfg.problems}
+    for (problem, name), (made, *_) in _cases(cfg).items():
+        if drawing_of(made.loop.plant) is not None:
+            motion = motion_of(made.loop.plant, made.scenario, results[problem, name].arrays)
+            path = folder / "figures" / f"{problem}-{name}"
+            title = f"{PROBLEMS[problem].title}: {PROBLEMS[problem].cases[name].title}"
+            films[problem] += animate(path, cfg.output, motion, title)
+    return films
 
 
 def _draw(cfg: BenchmarksConfig, results: Results, folder: Path) -> dict[str, Figure]:

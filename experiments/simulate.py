@@ -22,6 +22,9 @@ from mann_torch.errors import ConfigError
 from mann_torch.simulation import check_engine
 from mann_torch.simulation.step_grid import StepGrid
 
+from .animations.every import check_animation
+from .animations.files import animate
+from .animations.motion import motion_of
 from .building.build import Experiment, build
 from .building.schedules import late_changes
 from .building.sizes import check_samples
@@ -59,7 +62,7 @@ def checked(cfg: Any) -> SimulateConfig:
     check_horizon(plain.horizon)
     horizon = plain.scenario.horizon if plain.horizon is None else plain.horizon
     check_samples(plain, horizon, output.sample_dt)
-    build(plain)
+    check_animation(output, {plain.plant["name"]: build(plain).loop.plant})
     return plain
 
 
@@ -152,6 +155,10 @@ def _task(cfg: Any) -> None:
     if plain.output.figures:
         figures = run_figures(title, plain.controller["name"], arrays, plain.output.member)
     save_all(folder, figures, plain.output)
+    if plain.output.animation:
+        member, plant = plain.output.member, experiment.loop.plant
+        motion = motion_of(plant, experiment.scenario, of_draws(arrays, member), member)
+        animate(folder / "animation", plain.output, motion, title)
     if plain.output.tensorboard:
         log_run(folder, plain, arrays, metrics, figures, command)
     finish(folder, record)

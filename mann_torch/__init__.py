@@ -172,6 +172,7 @@ _OTHERS = (
     "domains",
     "functional",
     "interface",
+    "simulators",
     "statistics",
     "stiff",
     "testing",

@@ -49,6 +49,17 @@ def leaf_names(tree: Any) -> tuple[str, ...]:
     return names
 
 
+def leaf_paths(tree: Any, above: str = "") -> tuple[str, ...]:
+    """The dotted names of fields that lead to each of `leaves(tree)`."""
+    if isinstance(tree, Tensor):
+        return (above or "value",)
+    found: tuple[str, ...] = ()
+    if tree is not None:
+        for name, branch in zip(tree._fields, tree, strict=True):
+            found += leaf_paths(branch, f"{above}.{name}" if above else name)
+    return found
+
+
 def map_tensors(function: Callable[..., Tensor], tree: Tree, *others: Tree) -> Tree:
     """Apply `function` to each tensor of `tree` (and its partners in `others`)."""
     if tree is None:
@@ -75,6 +86,13 @@ def rebuilt(template: Tree, parts: Sequence[Tensor]) -> Tree:
     """The template's form with other tensors, in the order of `leaves`."""
     tree: Tree = _builder(template, iter(range(len(parts))))(parts)
     return tree
+
+
+def structure(tree: Any) -> Any:
+    """Which members of a tree there are, and of what kinds."""
+    if tree is None or isinstance(tree, Tensor):
+        return tree is not None
+    return (type(tree).__qualname__, *(structure(branch) for branch in tree))
 
 
 class Packer(Generic[Tree]):

@@ -25,6 +25,8 @@ ALLOWED = {
     "statistics": BASE,
     "figures": BASE,
     "tuning": BASE | {"simulation", "metrics", "statistics"},
+    "simulators": BASE
+    | {"compiled", "control", "deployment", "plants", "signals", "parts", "simulation"},
     "testing": BASE | {"memory", "control", "plants", "signals", "parts", "simulation"},
 }
 
@@ -76,6 +78,12 @@ def test_one_file_imports_torchdiffeq_and_none_hydra_or_tensorboard() -> None:
     assert users == {"torchdiffeq": ["odeint.py"], "hydra": [], "tensorboard": []}
 
 
+def test_only_simulators_know_of_gymnasium_and_mujoco() -> None:
+    for path in (ROOT / "mann_torch").rglob("*.py"):
+        if path.parent.name != "simulators":
+            assert not imported_parts(path) & {"gymnasium", "mujoco"}, path
+
+
 def test_importing_the_memory_loads_no_solver_plant_control_or_hydra() -> None:
     foreign = ("torchdiffeq", "warp", "hydra", "tensorboard", "scipy", "matplotlib", "experiments")
     code = (
@@ -117,9 +125,9 @@ ROOMS = (
     ("sweeps",),
     ("command",),
     ("records",),
-    ("building", "sequence_tasks"),
+    ("building", "sequence_tasks", "animations"),
     ("reproduction", "gradients", "tuning", "learning"),
-    ("problems", "problem_tuning", "returns", "peering"),
+    ("problems", "problem_tuning", "returns", "peering", "exporting"),
     ("benchmarking", "ablating"),
 )
 

@@ -17,6 +17,7 @@ from mann_torch import (
     plants,
     signals,
     simulation,
+    simulators,
     testing,
     tuning,
 )
@@ -40,6 +41,8 @@ TEXTS |= {
     ("memory_figure", "title"),
     ("memory_figure", "t_label"),
     ("Ensemble", "device"),
+    ("Stepper.to_c", "folder"),
+    ("Stepper.to_c", "name"),
 }
 #: Where the message calls an argument by another name, or must not find it in a longer word.
 SAID = {
@@ -78,6 +81,7 @@ PASSIVE = {
     *("LawPart", "Basis", "Mechanics", "FreezeWhileSaturated"),
     *("Regression", "RegressionMeasurement", "RegressionParameters", "RegressionState"),
     *("LawPart", "Basis", "Labels", "Saturation", "WingRockMeasurement"),
+    *("Moment", "MujocoRun", "Payload", "Policy", "Run"),
     *("Blob", "Kept", "Ports", "Stepped", "Stepper", "Tick", "Ticked"),
     *("noise_at", "scaled"),  # tensor maths inside the rollout
 }
@@ -133,6 +137,7 @@ def test_the_table_is_long_and_misses_nothing_public() -> None:
         plants,
         signals,
         simulation,
+        simulators,
         testing,
         tuning,
     )

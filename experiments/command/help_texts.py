@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from ..settings.ablation_config import TABLES as ABLATIONS
 from ..settings.benchmarks_config import BENCHMARKS
+from ..settings.export_config import RUNTIMES
 from ..settings.memory_config import LEARNERS
 from ..settings.peers_config import PEERS, TASKS
 from ..settings.problem_tuning_config import TUNED_PROBLEMS
@@ -47,6 +48,18 @@ HELP = {
             "spread out": "-m first=0,2500,5000,7500 rollouts=2500 hydra/launcher=joblib",
         },
         LOOP,
+    ),
+    "export": Help(
+        "Write a loop's controller as a step at a fixed rate: C code, or for another runtime.",
+        {
+            "example": "export.period=1e-3 export.name=arm",
+            "tuned": "export.tuned=logs/tune/STAMP export.constants=struct",
+            "small": "controller=nn export.dtype=float32 export.libm=false",
+            "learned": "scenario=illustration export.learned=true",
+            "problem": "problem=limited_input export.runtimes=[c,onnx]",
+        },
+        LOOP,
+        lambda: {"runtimes": RUNTIMES},
     ),
     "reproduce": Help(
         "Reproduce the paper's tables, figures and claims.",

@@ -14,6 +14,7 @@ from ..settings.ablation_config import AblationConfig
 from ..settings.benchmarks_config import BenchmarksConfig
 from ..settings.config import ReproduceConfig, SimulateConfig
 from ..settings.ensemble_config import EnsembleConfig
+from ..settings.export_config import ExportConfig
 from ..settings.memory_config import OnlineRegressionConfig
 from ..settings.peers_config import PeersConfig
 from ..settings.problem_tuning_config import ProblemTuningConfig
@@ -68,6 +69,7 @@ def register() -> None:
     store.store(name="base_reproduce", node=ReproduceConfig)
     store.store(name="base_online_regression", node=OnlineRegressionConfig)
     store.store(name="base_ensemble", node=EnsembleConfig)
+    store.store(name="base_export", node=ExportConfig)
     store.store(name="base_peers", node=PeersConfig)
     store.store(name="base_ablation", node=AblationConfig)
     store.store(name="base_tune", node=TuneConfig)

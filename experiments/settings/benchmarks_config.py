@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from .config import PicturesConfig
+from .config import FilmedConfig
 
 #: Problems with known answers, in the order of their tables.
 BENCHMARKS = (
@@ -22,6 +22,6 @@ class BenchmarksConfig:
     engine: str = "compiled"  # or torch
     halved: bool = True  # whether every case is run at half its step too, for the spread
     overrides: list[str] = field(default_factory=list)  # to see what a wrong constant does
-    output: PicturesConfig = field(default_factory=PicturesConfig)
+    output: FilmedConfig = field(default_factory=FilmedConfig)
     workers: int = 2
     run_dir: str | None = None

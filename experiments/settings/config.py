@@ -78,7 +78,12 @@ class PicturesConfig:
 
 
 @dataclass
-class OutputConfig(PicturesConfig):
+class FilmedConfig(PicturesConfig):
+    animation: Any = False  # of the mechanism: true (a GIF), gif, or mp4, which takes ffmpeg
+
+
+@dataclass
+class OutputConfig(FilmedConfig):
     sample_dt: float = 0.05
     member: int = 0  # whose pictures: 0 to draws - 1
 

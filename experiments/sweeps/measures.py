@@ -131,6 +131,14 @@ def _benchmarks(record: Mapping[str, Any]) -> Measured:
     return found
 
 
+def _export(record: Mapping[str, Any]) -> Measured:
+    """Sizes of the state, and of each runtime's files."""
+    found = {"state_numbers": _one(record["state_numbers"])}
+    for runtime, files in record["files"].items():
+        found[f"bytes_{runtime}"] = _one(sum(files.values()))
+    return found
+
+
 def _learning(record: Mapping[str, Any]) -> Measured:
     """Every measure of every variant, of each task where there are several, over seeds."""
     found = {}
@@ -159,6 +167,7 @@ READERS: dict[str, Callable[[Mapping[str, Any]], Measured]] = {
     "ensemble": _ensemble,
     "tune": _tune,
     "gradient_report": _gradient_report,
+    "export": _export,
     "reproduce": _reproduce,
     "benchmarks": _benchmarks,
     "peers": _learning,

@@ -88,23 +88,30 @@ def with_own(grid: Any, loop: ClosedLoop) -> Any:
     return {k: v for k, v in grid.items() if k in there or k not in paper_constants()} or None
 
 
+def constants_in(where: str, path: str) -> dict[str, Tensor]:
+    """Constants of a run of `tune`: of its `constants.json`, or of its folder's.
+
+    Raises `ConfigError`, which begins with `where`.
+    """
+    file = Path(path)
+    file = file / "constants.json" if file.is_dir() else file
+    check_file(f"{where}:", file)
+    try:
+        return {
+            str(name): torch.tensor(value, dtype=torch.float64)
+            for name, value in json.loads(file.read_text())["constants"].items()
+        }
+    except OSError as error:
+        raise ConfigError(f"{where}: {file}: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise ConfigError(f"{where}: {file}: {type(error).__name__}: {error}") from None
+
+
 def compared(paths: Sequence[str]) -> list[Candidate]:
     """Constants of other runs, from their `constants.json`. Raises `ConfigError`."""
     found = []
     for path in paths:
-        file = Path(path)
-        file = file / "constants.json" if file.is_dir() else file
-        check_file("compare:", file)
-        try:
-            data = json.loads(file.read_text())
-            values = {
-                str(name): torch.tensor(value, dtype=torch.float64)
-                for name, value in data["constants"].items()
-            }
-        except OSError as error:
-            raise ConfigError(f"compare: {file}: {error.strerror}") from None
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise ConfigError(f"compare: {file}: {type(error).__name__}: {error}") from None
+        values = constants_in("compare", path)
         found.append(Candidate("tuned: " + ", ".join(values), values))
     return found
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import torch
@@ -41,7 +43,8 @@ class Stepper:
 
     def __init__(self, tick: Tick, dtype: torch.dtype, engine: str) -> None:
         self.tick, self.dtype = tick, dtype
-        self._exact, self._values = (values_of(tick, d) for d in (torch.float64, dtype))
+        #: Its constants by name, in float64 and in the precision of its steps.
+        self.exact, self.values = (values_of(tick, d) for d in (torch.float64, dtype))
         like = self._start(*(torch.zeros(n, dtype=dtype) for n in _sizes(tick.ports)))
         told = f"{type(tick.controller).__name__} {tick.period!r}"
         self._blob = Blob(like, dtype, told)
@@ -146,6 +149,27 @@ class Stepper:
         """
         return self._blob.from_bytes(instance("data", data, bytes))
 
+    def to_c(
+        self,
+        folder: str | os.PathLike[str],
+        name: str = "controller",
+        constants: str = "baked",
+        libm: bool = True,
+    ) -> Path:
+        """Write the step as C99 into a folder: header, source, test, Makefile, README.
+
+        It is the program that the compiled engine runs, without allocation or recursion, in the
+        stepper's precision. `name` begins files and functions; `constants` are "baked" into the
+        code, or a "struct" that is given at each call; without `libm` nothing is linked. An earlier
+        export of the same controller is replaced as a whole.
+
+        Raises `ExportError` for a step that C cannot say, and for a folder that holds something
+        else, `ConfigError`, `KindError`.
+        """
+        from .c_code import to_c
+
+        return to_c(self, folder, name, constants, libm)
+
     def _rows(self, reference: Any, measurement: Any) -> tuple[Tensor, Tensor]:
         ports, dtype = self.ports, self.dtype
         return ports.reference_row(reference, dtype), ports.measurement_row(measurement, dtype)
@@ -153,20 +177,20 @@ class Stepper:
     @torch.no_grad()
     def _start(self, reference: Tensor, measurement: Tensor, *given: Any) -> Kept:
         # Once, so in float64 whatever follows.
-        with with_tensors(self.tick, self._exact):
+        with with_tensors(self.tick, self.exact):
             kept = self.tick.start(reference.double(), measurement.double(), *given)
         return map_tensors(lambda x: x.to(self.dtype) if x.is_floating_point() else x, kept)
 
     def _eager(self, reference: Tensor, measurement: Tensor, adapt: bool, state: Tensor) -> Tensor:
         kept, learns = self._blob.unpacked(state), torch.tensor(float(adapt), dtype=self.dtype)
-        with with_tensors(self.tick, self._values):
+        with with_tensors(self.tick, self.values):
             made = self.tick(reference, measurement, learns, kept)
         return self._blob.packed(made.kept, made.flags)
 
     def _check_precision(self, like: Kept) -> None:
         """Raise `ConfigError` where eager torch would compute in float64 after all."""
         zeros = [torch.zeros(n, dtype=self.dtype) for n in _sizes(self.ports)]
-        with torch.no_grad(), with_tensors(self.tick, self._values):
+        with torch.no_grad(), with_tensors(self.tick, self.values):
             made = self.tick(*zeros, torch.ones((), dtype=self.dtype), like)
         if made.input.dtype != self.dtype:
             raise ConfigError(

@@ -112,6 +112,12 @@ class CartPole(MechanicalPlant):
         potential = self._weight(coefficients) * torch.cos(state.q[..., 1])
         return self.kinetic_energy(state, coefficients) + potential
 
+    def points(self, q: Tensor, parameters: CartPoleParameters) -> Tensor:
+        """The pivot on the cart and the pole's centre of mass (..., 2, 2) [m]."""
+        pivot = torch.stack([q[..., 0], torch.zeros_like(q[..., 0])], dim=-1)
+        along = torch.stack([torch.sin(q[..., 1]), torch.cos(q[..., 1])], dim=-1)
+        return torch.stack([pivot, pivot + parameters.length * along], dim=-2)
+
     def _weight(self, coefficients: CartPoleParameters) -> Tensor:
         """m_p g l (...,) [N m]."""
         return self.gravity * coefficients.pole[..., 0] * coefficients.length[..., 0]

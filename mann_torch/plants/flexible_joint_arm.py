@@ -11,7 +11,7 @@ from ..checks import choice, whole
 from ..domains import NonNegative, Positive
 from ..types import Channel, PlantState
 from .mechanical import MechanicalPlant
-from .n_link_arm import NLinkArm, NLinkCoefficients, NLinkParameters, link_fields
+from .n_link_arm import NLinkArm, NLinkCoefficients, NLinkParameters, chain, link_fields
 from .plant import Field, channels
 
 
@@ -144,6 +144,10 @@ class FlexibleJointArm(MechanicalPlant):
         motors = coefficients.motor_inertia * qd[..., n:].square()
         springs = coefficients.stiffness * self._stretch(q).square()
         return links + 0.5 * (motors + springs).sum(-1)
+
+    def points(self, q: Tensor, parameters: FlexibleJointParameters) -> Tensor:
+        """The links' base and ends (..., n + 1, 2) [m]."""
+        return chain(q[..., : self.n_links], parameters.lengths)
 
     def _stretch(self, q: Tensor) -> Tensor:
         """q_l - q_m (..., n) [rad]."""

@@ -11,7 +11,7 @@ from torch import Tensor
 from ..functional import solve_small, times_column
 from ..stiff import SecondOrderBlock
 from ..types import Channel, InputGains, Measurement, PlantState
-from .plant import Coefficients, Plant, channels, zeros
+from .plant import Coefficients, Parameters, Plant, channels, zeros
 
 
 class Torque(NamedTuple):
@@ -98,6 +98,13 @@ class MechanicalPlant(Plant):
         Raises `NotImplementedError` where there is none.
         """
         raise NotImplementedError(f"{type(self).__name__} has no regressor")
+
+    def points(self, q: Tensor, parameters: Parameters) -> Tensor:
+        """Where the mechanism's points are in its plane, (..., k, 2) [m], of one that has a shape.
+
+        Raises `NotImplementedError` where there is none.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no shape")
 
     def rest(self) -> PlantState:
         """At rest at q = 0."""

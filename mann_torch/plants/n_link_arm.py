@@ -125,11 +125,23 @@ class NLinkArm(MechanicalPlant):
         potential = (coefficients.weight * torch.sin(state.q.cumsum(-1))).sum(-1)
         return self.kinetic_energy(state, coefficients) + potential
 
+    def points(self, q: Tensor, parameters: NLinkParameters) -> Tensor:
+        """The base and the ends of the links (..., n + 1, 2) [m]; q = 0 stretches them along x."""
+        return chain(q, parameters.lengths)
+
     @staticmethod
     def _between(q: Tensor) -> Tensor:
         """theta_i - theta_j (..., n, n) [rad]."""
         theta = q.cumsum(-1)
         return theta.unsqueeze(-1) - theta.unsqueeze(-2)
+
+
+def chain(q: Tensor, lengths: Tensor) -> Tensor:
+    """The base and the ends of links (..., n + 1, 2) [m] at joint angles q (..., n) [rad]."""
+    theta = q.cumsum(-1)
+    along = torch.stack([torch.cos(theta), torch.sin(theta)], dim=-1)
+    ends = (lengths.unsqueeze(-1) * along).cumsum(-2)
+    return torch.cat([torch.zeros_like(ends[..., :1, :]), ends], dim=-2)
 
 
 def _sums(x: Tensor, dim: int) -> Tensor:

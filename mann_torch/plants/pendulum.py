@@ -92,3 +92,8 @@ class Pendulum(MechanicalPlant):
         """Kinetic plus potential energy (...,) [J]; 0 at rest."""
         height = (coefficients.weight * (1.0 - torch.cos(state.q)))[..., 0]
         return self.kinetic_energy(state, coefficients) + height
+
+    def points(self, q: Tensor, parameters: PendulumParameters) -> Tensor:
+        """The pivot and the centre of mass (..., 2, 2) [m]."""
+        mass = parameters.length * torch.cat([torch.sin(q), -torch.cos(q)], dim=-1)
+        return torch.stack([torch.zeros_like(mass), mass], dim=-2)

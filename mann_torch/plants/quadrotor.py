@@ -96,3 +96,7 @@ class PlanarQuadrotor(MechanicalPlant):
         """Over mass, (...,) [J/kg]."""
         height = coefficients.gravity[..., 0] * state.q[..., 1]
         return self.kinetic_energy(state, coefficients) + height
+
+    def points(self, q: Tensor, parameters: QuadrotorParameters) -> Tensor:
+        """The centre of mass (..., 1, 2) [m]."""
+        return q[..., None, :2]

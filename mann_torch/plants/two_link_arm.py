@@ -14,6 +14,7 @@ from ..functional import Numbers
 from ..types import PlantState
 from .friction import friction_slope, unless_zero, with_friction
 from .mechanical import MechanicalPlant, two_by_two
+from .n_link_arm import chain
 from .plant import Field
 
 
@@ -123,3 +124,7 @@ class TwoLinkArm(MechanicalPlant):
         potential = coefficients.phi_gamma * torch.sin(q_1)
         kinetic = self.kinetic_energy(state, coefficients)
         return kinetic + potential + coefficients.psi_gamma * torch.sin(q_1 + q_2)
+
+    def points(self, q: Tensor, parameters: ArmParameters) -> Tensor:
+        """The base and the ends of the links (..., 3, 2) [m]; q = 0 stretches them along x."""
+        return chain(q, parameters.lengths)

@@ -52,8 +52,8 @@ CASES = {
     "fma": "r = Lanes::fma(a, b, a);",
     "any": "r = Lanes::splat(Lanes::any(Lanes::lt(a, b)) ? 1.0 : 0.0);",
     "all": "r = Lanes::splat(Lanes::all(Lanes::lt(a, b)) ? 1.0 : 0.0);",
-    "get": "r = a; for (int k = 0; k < N; ++k) Lanes::put(r, k, Lanes::get(b, N - 1 - k));",
-    "iget": "for (int k = 0; k < N; ++k) Lanes::iput(n, k, Lanes::iget(m, N - 1 - k));"
+    "get": "r = a; for (int k = 0; k < N; ++k) Lanes::put(&r, k, Lanes::get(b, N - 1 - k));",
+    "iget": "for (int k = 0; k < N; ++k) Lanes::iput(&n, k, Lanes::iget(m, N - 1 - k));"
     " r = Lanes::from_bits(n);",
 }
 ACROSS = ("any", "all", "get", "iget")

@@ -12,10 +12,10 @@ from experiments.command.cli import compose_job
 
 COMMANDS = (
     *("simulate", "ensemble", "reproduce", "tune", "gradient_report", "peers", "ablation"),
-    *("online_regression", "tune_problems", "returning"),
+    *("online_regression", "tune_problems", "returning", "export"),
 )
 #: How often each is asked: the quick ones more.
-SHARE = (6, 4, 2, 3, 4, 5, 3, 5, 2, 2)
+SHARE = (6, 4, 2, 3, 4, 5, 3, 5, 2, 2, 3)
 #: Numbers that may be anything finite, or that nothing computes with.
 _ANY_SIGN = (
     *("amplitude", "frequency", "offset", "q", "qd", "paper", "paper_reduction", "phase"),
@@ -134,6 +134,10 @@ TOGETHER = {
         ("controler=hard",),
         ("--foo",),
         ("initial.weights_file=/nowhere.npz",),
+        ("problem=rohrs", "output.animation=true"),
+        ("problem=scalar_mrac", "output.animation=gif"),
+        ("output.animation=avi",),
+        ("output.animation=[gif]",),
     ),
     "ensemble": (
         ("spread.masses=1",),
@@ -228,6 +232,29 @@ TOGETHER = {
         ("problems=[arm]",),
         ("noise=[0.1]",),
         ("held_out=10000", "train=1000", "workers=64"),
+    ),
+    "export": (
+        ("export.period=0",),
+        ("export.period=nan",),
+        ("export.period=1e-3", "clock.period=0.01"),
+        ("clock=periodic", "clock.hold=first"),
+        ("export.dtype=float16",),
+        ("export.dtype=float32", "problem=wing_rock_concurrent"),
+        ("export.constants=frozen",),
+        ("export.name=3d",),
+        ("export.name=while",),
+        ("export.name=''",),
+        ("export.name=a/b",),
+        ("export.runtimes=[]",),
+        ("export.runtimes=[c,c]",),
+        ("export.runtimes=[fortran]",),
+        ("export.runtimes=c",),
+        ("export.tuned=/nowhere",),
+        ("export.learned=maybe",),
+        ("export.foo=1",),
+        ("output.figures=true",),
+        ("plant=pendulum",),
+        ("controller=linear_feedback",),
     ),
     "returning": (
         ("variants=[plain,nobody]",),

@@ -20,7 +20,7 @@ LINES = dict.fromkeys(
     for block in re.findall(r"```sh\n(.*?)```", page.read_text(), re.S)
     for line in block.splitlines()
     if re.match(
-        r"python -m experiments\.(simulate|ensemble|tune|gradient_report|benchmarks)\b", line
+        r"python -m experiments\.(simulate|ensemble|export|tune|gradient_report|benchmarks)\b", line
     )
 )
 

@@ -24,7 +24,7 @@ from tests.experiments.command import exit_code
 ROOT = Path(__file__).parents[2]
 QUIET = ["controller=nn", "horizon=0.05", "output.figures=false", "output.tensorboard=false"]
 COMMANDS = {
-    "simulate": ["simulate", "controller=nn", "horizon=1", "draws=2"],
+    "simulate": ["simulate", "controller=nn", "horizon=1", "draws=2", "output.animation=true"],
     "reproduce": ["reproduce", "experiment=[table_1]", "horizon=0.2", "draws=2", "workers=1"],
     "tune": [
         *("tune", "horizon=0.08", "effort_after=0.02", "train.draws=[0,1]", "judge=false"),
@@ -56,6 +56,7 @@ OTHERS = {
         *("tune_problems", "problems=[rohrs]", "train=2", "held_out=4", "iterations=6"),
         "workers=1",
     ],
+    "export": ["export", "controller=nn", "export.learned=true", "horizon=2"],
     "returning": [
         *("returning", "variants=[plain,memory_1]", "visits=2", "visit_length=2", "window=1"),
         *("draws=2", "workers=1"),
@@ -193,6 +194,8 @@ def numbers_in(folder: Path) -> dict[str, Any]:
                 continue
             key = f"{path.relative_to(folder)}/{name}"
             found[key] = (array.dtype.str, array.shape, array.tobytes())
+    for path in sorted(folder.rglob("animation.gif")):
+        found[str(path.relative_to(folder))] = path.read_bytes()
     for path in sorted(folder.rglob("metrics.json")):
         record = json.loads(path.read_text())
         for name in (*MEASURED, "command"):
@@ -241,6 +244,7 @@ def kill_and_repeat(tmp_path: Path, name: str, shares: list[float]) -> None:
         assert again.returncode == 0, (share, said[-2000:])
         assert numbers_in(folder) == expected, share
         assert not [p for p in folder.rglob(".*.????????") if p.is_file()]
+        assert not [p for p in folder.iterdir() if p.name.startswith(".c-")]
         shutil.rmtree(folder)
     print(f"{name}: killed {met} of {loading:.1f} s of loading and {work:.1f} s of work")
 

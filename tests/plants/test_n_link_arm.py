@@ -1,10 +1,10 @@
-"""The arm of n links against the two-link arm, Lagrange's equations and MuJoCo."""
+"""The arm of n links against the two-link arm and Lagrange's equations.
+
+MuJoCo's equations: tests/simulators/test_arm_mjcf.py.
+"""
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -84,45 +84,6 @@ def test_forces_are_lagranges_of_the_links_positions() -> None:
     c = arm.coefficients(NLinkParameters(*(row[0] for row in parameters)))
     found = arm.mass_matrix(q, c) @ acceleration + arm.coriolis(q, qd, c) @ qd
     torch.testing.assert_close(found + arm.load(q, qd, c), owed, rtol=1e-11, atol=1e-11)
-
-
-def mujoco_arm(parameters: Any) -> str:
-    """The same arm, hanging from the world's origin, as MuJoCo reads it: it turns about -y."""
-    masses, lengths, centers, inertias = (row.tolist() for row in parameters[:4])
-    text, reach = "", 0.0
-    for m, length, center, inertia in zip(masses, lengths, centers, inertias, strict=True):
-        # The inertias about x and z do no work; MuJoCo wants them to satisfy A + B >= C.
-        text += (
-            f'<body pos="{reach!r} 0 0"><joint type="hinge" axis="0 -1 0"/>'
-            f'<inertial pos="{center * length!r} 0 0" mass="{m!r}" '
-            f'diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
-        )
-        reach = length
-    return (
-        '<mujoco><compiler angle="radian"/><option gravity="0 0 -9.8"/><worldbody>'
-        + text
-        + "</body>" * len(masses)
-        + "</worldbody></mujoco>"
-    )
-
-
-@pytest.mark.parametrize("n", [2, 3])
-def test_mass_matrix_and_bias_forces_are_mujocos(n: int) -> None:
-    mujoco = pytest.importorskip("mujoco", reason="an extra: pip install mann_torch[dev]")
-    arm, parameters, q, qd = random_arm(n, 20)
-    for i in range(20):
-        own = NLinkParameters(*(row[i] for row in parameters))
-        model = mujoco.MjModel.from_xml_string(mujoco_arm(own))
-        data = mujoco.MjData(model)
-        data.qpos[:], data.qvel[:] = q[i].numpy(), qd[i].numpy()
-        mujoco.mj_forward(model, data)
-        mass = np.zeros((n, n))
-        for column, unit in zip(mass, np.eye(n), strict=True):  # symmetric: rows are columns
-            mujoco.mj_mulM(model, data, column, unit)
-        c = arm.coefficients(own)
-        bias = arm.coriolis(q[i], qd[i], c) @ qd[i] + arm.load(q[i], qd[i], c)
-        np.testing.assert_allclose(arm.mass_matrix(q[i], c).numpy(), mass, rtol=0, atol=1e-10)
-        np.testing.assert_allclose(bias.numpy(), data.qfrc_bias, rtol=1e-10, atol=1e-10)
 
 
 def test_a_free_arm_keeps_its_energy() -> None:

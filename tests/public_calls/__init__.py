@@ -13,6 +13,7 @@ from tests.public_calls import (
     of_plants,
     of_signals,
     of_simulation,
+    of_simulators,
     of_tracking,
     of_tuning,
 )
@@ -30,6 +31,7 @@ CALLS: dict[str, Call] = {
     **of_plants.CALLS,
     **of_signals.CALLS,
     **of_simulation.CALLS,
+    **of_simulators.CALLS,
     **of_tracking.CALLS,
     **of_tuning.CALLS,
 }

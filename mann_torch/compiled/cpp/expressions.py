@@ -21,11 +21,11 @@ TEXT: dict[str, str] = {
     "div": "({0} / {1})",
     "neg": "(-{0})",
     "reciprocal": "(splat(1.0) / {0})",
-    "iadd": "({0} + {1})",
-    "isub": "({0} - {1})",
-    "imul": "({0} * {1})",
-    "ineg": "(-{0})",
-    "iabs": "imax({0}, -{0})",
+    "iadd": "iadd({0}, {1})",
+    "isub": "isub({0}, {1})",
+    "imul": "imul({0}, {1})",
+    "ineg": "isub(isplat(0), {0})",
+    "iabs": "imax({0}, isub(isplat(0), {0}))",
     "and": "({0} & {1})",
     "or": "({0} | {1})",
     "xor": "({0} ^ {1})",
@@ -70,7 +70,13 @@ def literal(kind: str, text: str, real: Real = DOUBLE) -> str:
         return f"splat({number(text, real)})"
     if kind == "b":
         return f"isplat({-1 if text == 'True' else 0})"
-    return f"isplat({text}ll)"
+    return f"isplat({whole(text)})"
+
+
+def whole(text: str) -> str:
+    """An integer in C++; the smallest one, whose opposite is none, as a difference."""
+    smallest = -(2**63)
+    return f"({smallest + 1}ll - 1)" if int(text) == smallest else f"{text}ll"
 
 
 def number(text: str, real: Real) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from ..graph.nodes import IndexMap, Node
-from .expressions import type_of
+from .expressions import TEXT, type_of
 from .homes import at, choose, element, flat, home_of, rows_of
 from .indices import index_text, linear
 from .systems import cholesky, lu, lu_part, lu_solve, matrix_exp, triangular
@@ -63,7 +63,8 @@ def _scatter(w: Writer, node: Node) -> None:
     w.put(f"{type_of(node.kind)} put = {element(w, new, names, maps, 'j')};")
     w.open("c", count)
     place = at(home, f"{row} + c")
-    value = f"{place} + put" if node.op == "scatter_add" else "put"
+    added = TEXT["add" if node.kind == "f" else "iadd"].format(place, "put")
+    value = added if node.op == "scatter_add" else "put"
     w.put(f"{place} = {choose(node.kind)}(ieq(at, isplat(c)), {value}, {place});")
     w.close()
     w.close()
@@ -111,10 +112,11 @@ def _scan(w: Writer, node: Node) -> None:
     home = home_of(w, node)
     names, maps = w.loop_over(lead)
     row = flat(lead, names, maps, count)
-    sign, start = ("+", 0) if node.op == "cumsum" else ("*", 1)
+    start = 0 if node.op == "cumsum" else 1
+    step = TEXT[("" if node.kind == "f" else "i") + ("mul" if start else "add")]
     w.put(f"{{ {type_of(node.kind)} run = {'splat' if node.kind == 'f' else 'isplat'}({start});")
     w.open("j", count)
-    w.put(f"run = run {sign} {element(w, x, names, maps, 'j')};")
+    w.put(f"run = {step.format('run', element(w, x, names, maps, 'j'))};")
     w.put(f"{at(home, f'{row} + j')} = run;")
     w.close()
     w.put("}")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from ..graph.arithmetic import POINTWISE
 from ..graph.nodes import IndexMap, Node, Shape
 from ..real import DOUBLE, Real
-from .expressions import literal, number, text_of, type_of
+from .expressions import literal, number, text_of, type_of, whole
 from .indices import composed, index_text, linear
 from .plan import SUMS, Group, Output, Plan, make_plan
 from .products import write_product
@@ -183,9 +183,7 @@ class Writer:
             return f"isplat({index_text(start + step * m.offset, steps, names, 0)})"
         offset, steps = linear(maps, node.shape)
         if node.op == "input":
-            place, base = node.attributes
-            where = index_text(offset, steps, names, base)
-            return f"splat({place}[{where}])" if place in ALIKE else f"{place}[{where}]"
+            return self._given(node, offset, steps, names)
         if node.op == "table":
             where = index_text(offset, steps, names, 0)
             return f"{'splat' if node.kind == 'f' else 'isplat'}({self._table(node)}[{where}])"
@@ -196,19 +194,28 @@ class Writer:
             if source.number in self._scalars:
                 return self._scalars[source.number]
             if source.op == "input":
-                place, base = source.attributes
-                where = index_text(offset, steps, names, base)
-                return f"splat({place}[{where}])" if place in ALIKE else f"{place}[{where}]"
+                return self._given(source, offset, steps, names)
             node = source
         home = self.plan.homes.get(node.number)
         if home is not None:
             return f"{home[0]}[{index_text(offset, steps, names, home[1])}]"
         return self._expression(node, names, maps)
 
+    def place(self, array: str, offset: int) -> tuple[str, int]:
+        """Where what is given begins: an array of the caller, and where in it."""
+        return array, offset
+
+    def _given(self, node: Node, offset: int, steps: Sequence[int], names: Sequence[str]) -> str:
+        array, base = self.place(*node.attributes)
+        where = f"{array}[{index_text(offset, steps, names, base)}]"
+        return f"splat({where})" if array in ALIKE else where
+
     def _table(self, node: Node) -> str:
         kind = self.real.name if node.kind == "f" else self.real.whole
         masks = {"True": "-1", "False": "0"}
         texts = node.attributes
-        values = [number(t, self.real) if node.kind == "f" else masks.get(t, t) for t in texts]
+        values = [
+            number(t, self.real) if node.kind == "f" else whole(masks.get(t, t)) for t in texts
+        ]
         key = (kind, *values)
         return self.tables.setdefault(key, f"t{len(self.tables)}")

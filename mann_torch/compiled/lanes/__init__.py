@@ -1,1 +1,1 @@
-"""C++ text of arithmetic on lanes: one trajectory a lane."""
+"""Text of arithmetic on lanes: one trajectory a lane."""

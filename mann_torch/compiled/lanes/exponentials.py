@@ -20,7 +20,7 @@ _SINH = (
 
 EXPONENTIALS = f"""
 // 2^n for a normal power.
-fn V power_of_two(M n) {{ return from_bits((n + 1023) << 52); }}
+fn V power_of_two(M n) {{ return from_bits(shl(n + 1023, 52)); }}
 // p 2^n in two factors: the first product is exact, so denormal results are rounded once.
 fn V scaled(V p, M n) {{
   M half = n >> 1;
@@ -39,16 +39,16 @@ fn V exp_tail(V r, V low) {{
 }}
 fn V exp_reduced(V r) {{ return exp_tail(r, r); }}
 // n, the nearest integer to x / ln 2, as both types.
-fn M exp_halvings(V x, V& n) {{
+fn M exp_halvings(V x, V* n) {{
   V shifted = fma(x, splat(1.4426950408889634), magic_());
-  n = shifted - magic_();
+  *n = shifted - magic_();
   return bits(shifted) - bits(magic_());
 }}
-fn M exp_reduce(V x, V& r) {{
+fn M exp_reduce(V x, V* r) {{
   V n;
-  M m = exp_halvings(x, n);
-  r = fma(n, splat(-0.6931471803691238), x);
-  r = fma(n, splat(-1.9082149292705877e-10), r);
+  M m = exp_halvings(x, &n);
+  V first = fma(n, splat(-0.6931471803691238), x);
+  *r = fma(n, splat(-1.9082149292705877e-10), first);
   return m;
 }}
 // exp(x) 2^extra, within range wherever the result is.
@@ -58,7 +58,7 @@ fn V exp_times(V x, long long extra) {{
   x = sel(lt(x, low), low, x);
   x = sel(gt(x, high), high, x);
   V r;
-  M n = exp_reduce(x, r);
+  M n = exp_reduce(x, &r);
   return scaled_sum(exp_reduced(r), n + extra);
 }}
 fn V exp_(V x) {{ return exp_times(x, 0); }}
@@ -79,7 +79,7 @@ fn V expm1_(V x) {{
   V c = sel(lt(x, low), low, x);
   c = sel(gt(c, high), high, c);
   V n;
-  M m = exp_halvings(c, n);
+  M m = exp_halvings(c, &n);
   V first = fma(n, splat(-0.6931471803691238), c);
   V r = fma(n, splat(-1.9082149292705877e-10), first);
   V r_low = fma(n, splat(-1.9082149292705877e-10), first - r);
@@ -94,7 +94,7 @@ fn V tanh_(V x) {{
   V limit = splat(22.0);
   a = sel(gt(a, limit), limit, a);
   V r;
-  M n = exp_reduce(2.0 * a, r);
+  M n = exp_reduce(2.0 * a, &r);
   V s = power_of_two(n);
   V t = fma(s, exp_reduced(r), s - 1.0);
   return copysign_(t / (t + 2.0), x);

@@ -1,4 +1,4 @@
-"""C++ text of elementary functions on lanes, written once for one lane and for several.
+"""Text of elementary functions on lanes, written once for one lane, for several, and for C99.
 
 `lane_library` is pasted into a function body inside `struct Lanes { ... };`, after `lane_types`.
 Every function is branch-free but for rare ranges that no short reduction covers, so a result's bits
@@ -30,15 +30,19 @@ def lane_library(lanes: int, qualifier: str = "", real: Real = DOUBLE) -> str:
     """The body of `struct Lanes`; `qualifier` stands before each function."""
     check_lanes(lanes)
     if real is DOUBLE:
-        text = primitives(lanes) + _BASIC + _MORE + EXPONENTIALS + LOGARITHMS
-        return _qualified(text + TRIGONOMETRY + SPECIAL, lanes, qualifier)
+        return qualified(primitives(lanes) + _FAR + DOUBLES, lanes, qualifier)
     half = wide_lanes(lanes)
     wide = f"struct Wide {{\n{lane_types(half)}{lane_library(half, qualifier)}}};\n"
-    text = primitives(lanes, real) + narrowed(_BASIC) + singles(lanes)
-    return wide + _qualified(text, lanes, qualifier)
+    return wide + qualified(primitives(lanes, real) + single_functions(lanes), lanes, qualifier)
 
 
-def _qualified(text: str, lanes: int, qualifier: str) -> str:
+def single_functions(lanes: int) -> str:
+    """What stands on the primitives of float32, and on `Wide`."""
+    return narrowed(_BASIC) + singles(lanes)
+
+
+def qualified(text: str, lanes: int, qualifier: str) -> str:
+    """Text of functions with what stands before them and in them in C++."""
     text = text.replace("@LANES@", str(lanes))
     prefix = f"{qualifier} static inline".strip()
     # A rare path inlined would spill registers in the common one.
@@ -66,7 +70,7 @@ fn M idiv(M a, M b) {
   M q = a / d;
   M r = a - q * d;
   q += mand(ine(r, isplat(0)), ilt(r ^ d, isplat(0)));
-  return isel(ieq(b, isplat(-1)), ~a + 1, q);
+  return isel(ieq(b, isplat(-1)), isub(isplat(0), a), q);
 }
 fn M imod(M a, M b) {
   M d = isel(mor(ieq(b, isplat(0)), ieq(b, isplat(-1))), isplat(1), b);
@@ -90,9 +94,10 @@ fn V powi(V x, int n) {
   return n < 0 ? splat(1.0) / r : r;
 }
 """
-_MORE = """slow V fmod_far(V x, V y, M far, V r) {
+_MORE = """
+slow V fmod_far(V x, V y, M far, V r) {
   for (int i = 0; i < @LANES@; ++i) {
-    if (iget(far, i) != 0) put(r, i, ::fmod(get(x, i), get(y, i)));
+    if (iget(far, i) != 0) put(&r, i, far_fmod(get(x, i), get(y, i)));
   }
   return r;
 }
@@ -101,7 +106,7 @@ fn V fmod_(V x, V y) {
   V a = abs_(x);
   V b = abs_(y);
   V quotient = a / b;
-  V r = fma(-trunc_(quotient), b, a);
+  V r = fused(-trunc_(quotient), b, a);
   r = sel(lt(r, splat(0.0)), r + b, r);
   r = copysign_(sel(lt(a, b), a, r), x);
   M far = mnot(lt(quotient, splat(4503599627370496.0)));
@@ -128,3 +133,14 @@ fn V hypot_(V x, V y) {
   return sel(mor(eq(a, infinity), eq(b, infinity)), infinity, r);
 }
 """
+
+# The C library reduces what no short reduction covers.
+_FAR = """
+fn double far_sin(double x) { return ::sin(x); }
+fn double far_cos(double x) { return ::cos(x); }
+fn double far_tan(double x) { return ::tan(x); }
+fn double far_fmod(double x, double y) { return ::fmod(x, y); }
+"""
+
+#: What stands on the primitives of float64.
+DOUBLES = _BASIC + _MORE + EXPONENTIALS + LOGARITHMS + TRIGONOMETRY + SPECIAL

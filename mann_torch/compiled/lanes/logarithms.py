@@ -14,7 +14,7 @@ _LOG = (
 
 LOGARITHMS = f"""
 // The exponent that leaves a fraction from sqrt(1/2) to sqrt(2).
-fn M log_exponent(V x) {{ return (bits(x) - 0x3fe6a09e667f3bcdLL) >> 52; }}
+fn M log_exponent(V x) {{ return isub(bits(x), isplat(0x3fe6a09e667f3bcdLL)) >> 52; }}
 fn V small_to_double(M n) {{
   return from_bits(n + bits(magic_())) - magic_();
 }}
@@ -36,22 +36,22 @@ fn V log_edges(V y, V x) {{
   return sel(eq(x, infinity), x, y);
 }}
 // x = (1 + f) 2^k, denormal x included.
-fn M log_split(V x, V& f) {{
+fn M log_split(V x, V* f) {{
   M tiny = lt(x, splat(2.2250738585072014e-308));
   V scaled_x = sel(tiny, x * 18014398509481984.0, x);
   M e = log_exponent(scaled_x);
-  f = from_bits(bits(scaled_x) - (e << 52)) - 1.0;
+  *f = from_bits(isub(bits(scaled_x), shl(e, 52))) - 1.0;
   return e - mand(tiny, isplat(54));
 }}
 fn V log_(V x) {{
   V f;
-  V k = small_to_double(log_split(x, f));
+  V k = small_to_double(log_split(x, &f));
   return log_edges(log_reduced(f, k), x);
 }}
 // k times the unit + log(1 + f) times the factor, each in two doubles: exact powers stay exact.
 fn V log_times(V x, V factor_high, V factor_low, V unit_high, V unit_low) {{
   V f;
-  V k = small_to_double(log_split(x, f));
+  V k = small_to_double(log_split(x, &f));
   V s = f / (2.0 + f);
   V z = s * s;
   {polynomial("p", "z", _LOG)}
@@ -60,7 +60,7 @@ fn V log_times(V x, V factor_high, V factor_low, V unit_high, V unit_low) {{
   V low = (f - high) - half;
   low = fma(s, fma(z, p, half), low);
   V t = mul(high, factor_high);
-  V t_low = fma(high, factor_high, -t) + (high * factor_low + low * factor_high);
+  V t_low = fused(high, factor_high, -t) + (high * factor_low + low * factor_high);
   V base = mul(k, unit_high);
   V sum = base + t;
   V rest = (t - (sum - base)) + fma(k, unit_low, t_low);
@@ -75,25 +75,26 @@ fn V log10_(V x) {{
                    splat(0.3010299955494702), splat(1.1451100898021838e-10));
 }}
 // 1 + x = (1 + f) 2^k with f rounded once; s = 2^-k.
-fn V log1p_split(V x, V& k, V& s) {{
+fn V log1p_split(V x, V* k, V* s) {{
   M far = gt(x, splat(0x1p600));
   V y = sel(far, x * 0x1p-500, x);
   M e = log_exponent(1.0 + y);
-  k = small_to_double(e + mand(far, isplat(500)));
-  s = power_of_two(-e);
-  return fma(y, s, s - 1.0);
+  *k = small_to_double(e + mand(far, isplat(500)));
+  V scale = power_of_two(-e);
+  *s = scale;
+  return fma(y, scale, scale - 1.0);
 }}
 fn V log1p_(V x) {{
   V k;
   V s;
-  V f = log1p_split(x, k, s);
+  V f = log1p_split(x, &k, &s);
   return copysign_(log_edges(log_reduced(f, k), 1.0 + x), x);
 }}
 // log(1 + x + x_low) + extra ln 2.
 fn V log1p_sum(V x, V x_low, V extra) {{
   V k;
   V s;
-  V f = log1p_split(x, k, s);
+  V f = log1p_split(x, &k, &s);
   V f_low = x_low * s * fma(f, f - 1.0, splat(1.0));
   k = k + extra;
   return log_sum(f, k, fma(k, splat(1.9082149292705877e-10), f_low));
@@ -125,7 +126,7 @@ fn V atanh_(V x) {{
   V d = 1.0 - a;
   V d_low = (1.0 - d) - a;
   V q = 2.0 * a / d;
-  V q_low = fma(-q, d_low, fma(-q, d, 2.0 * a)) / d;
+  V q_low = fma(-q, d_low, fused(-q, d, 2.0 * a)) / d;
   V y = 0.5 * log1p_sum(q, q_low, splat(0.0));
   y = sel(eq(a, splat(1.0)), inf_(), y);
   y = sel(gt(a, splat(1.0)), nan_(), y);

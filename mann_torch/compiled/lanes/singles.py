@@ -25,11 +25,11 @@ _TANH = (
 
 _OWN = f"""
 // 2^n for a normal power.
-fn V power_of_two(M n) {{ return from_bits((n + 127) << 23); }}
+fn V power_of_two(M n) {{ return from_bits(shl(n + 127, 23)); }}
 // n, the nearest integer to x / ln 2, as both types.
-fn M exp_halvings(V x, V& n) {{
+fn M exp_halvings(V x, V* n) {{
   V shifted = fma(x, splat(1.44269504f), magic_());
-  n = shifted - magic_();
+  *n = shifted - magic_();
   return bits(shifted) - bits(magic_());
 }}
 // exp(r) - 1 - r + low, then exp(r) - 1.
@@ -37,11 +37,11 @@ fn V exp_tail(V r, V low) {{
   {polynomial("p", "r", _EXP)}
   return fma(p, r * r, low);
 }}
-fn M exp_reduce(V x, V& r) {{
+fn M exp_reduce(V x, V* r) {{
   V n;
-  M m = exp_halvings(x, n);
-  r = fma(n, splat(-0.693147182464599609375f), x);
-  r = fma(n, splat(1.904654290582768e-9f), r);
+  M m = exp_halvings(x, &n);
+  V first = fused(n, splat(-0.693147182464599609375f), x);
+  *r = fma(n, splat(1.904654290582768e-9f), first);
   return m;
 }}
 // In two factors: the last product alone is rounded where the result is denormal.
@@ -51,7 +51,7 @@ fn V exp_(V x) {{
   x = sel(lt(x, low), low, x);
   x = sel(gt(x, high), high, x);
   V r;
-  M n = exp_reduce(x, r);
+  M n = exp_reduce(x, &r);
   M half = n >> 1;
   V s = power_of_two(half);
   return fma(exp_tail(r, r), s, s) * power_of_two(n - half);
@@ -62,8 +62,8 @@ fn V expm1_(V x) {{
   V c = sel(lt(x, low), low, x);
   c = sel(gt(c, high), high, c);
   V n;
-  M m = exp_halvings(c, n);
-  V first = fma(n, splat(-0.693147182464599609375f), c);
+  M m = exp_halvings(c, &n);
+  V first = fused(n, splat(-0.693147182464599609375f), c);
   V r = fma(n, splat(1.904654290582768e-9f), first);
   V r_low = fma(n, splat(1.904654290582768e-9f), first - r);
   V unit = splat(1.0f) - power_of_two(-imin(m, isplat(100)));
@@ -82,7 +82,7 @@ fn V tanh_(V x) {{
   V limit = splat(10.0f);
   V c = sel(gt(a, limit), limit, a);
   V r;
-  M n = exp_reduce(c + c, r);
+  M n = exp_reduce(c + c, &r);
   V s = power_of_two(n);
   V e = fma(s, exp_tail(r, r), s);
   V far = splat(1.0f) - splat(2.0f) / (e + splat(1.0f));
@@ -102,15 +102,15 @@ fn V sigmoid_(V x) {{
 fn V log_(V x) {{
   M tiny = lt(x, splat(1.17549435e-38f));
   V y = sel(tiny, x * splat(33554432.0f), x);
-  M e = (bits(y) - 0x3f3504f3) >> 23;
-  V f = from_bits(bits(y) - (e << 23)) - splat(1.0f);
+  M e = isub(bits(y), isplat(0x3f3504f3)) >> 23;
+  V f = from_bits(isub(bits(y), shl(e, 23))) - splat(1.0f);
   V k = to_double(e - mand(tiny, isplat(25)));
   V s = f / (splat(2.0f) + f);
   V z = s * s;
   {polynomial("p", "z", _LOG)}
   V half = splat(0.5f) * f * f;
   V low = fma(s, fma(z, p, half), k * splat(-1.904654290582768e-9f));
-  y = fma(k, splat(0.693147182464599609375f), f - (half - low));
+  y = fused(k, splat(0.693147182464599609375f), f - (half - low));
   V infinity = inf_();
   V edge = sel(eq(x, splat(0.0f)), -infinity, nan_());
   y = sel(gt(x, splat(0.0f)), y, edge);

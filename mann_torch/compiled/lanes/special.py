@@ -32,25 +32,25 @@ _ERFC = (
 
 _POWER = f"""
 // log(x) in two doubles.
-fn V log_double(V x, V& y_low) {{
+fn V log_double(V x, V* y_low) {{
   V f;
-  V k = small_to_double(log_split(x, f));
+  V k = small_to_double(log_split(x, &f));
   V g = 2.0 + f;
   V g_low = f - (g - 2.0);
   V inverse = 1.0 / g;
   V s = f * inverse;
-  V s_low = fma(-s, g_low, fma(-s, g, f)) * inverse;
+  V s_low = fma(-s, g_low, fused(-s, g, f)) * inverse;
   V z = s * s;
   {polynomial("p", "z", _LOG_TAIL)}
   V q = z * p;
   V t = q + 0.6666666666666666;
   V t_low = (0.6666666666666666 - t) + q + 3.700743415417188e-17;
   V square = mul(s, s);
-  V square_low = fma(s, s, -square) + 2.0 * s * s_low;
+  V square_low = fused(s, s, -square) + 2.0 * s * s_low;
   V cube = mul(square, s);
-  V cube_low = fma(square, s, -cube) + fma(square, s_low, square_low * s);
+  V cube_low = fused(square, s, -cube) + fma(square, s_low, square_low * s);
   V v = mul(cube, t);
-  V v_low = fma(cube, t, -v) + fma(cube, t_low, cube_low * t);
+  V v_low = fused(cube, t, -v) + fma(cube, t_low, cube_low * t);
   V twice = 2.0 * s;
   V part = twice + v;
   V part_low = (twice - part) + v + fma(s_low, splat(2.0), v_low);
@@ -60,21 +60,22 @@ fn V log_double(V x, V& y_low) {{
   V rest = (unit - (sum - shift)) + (part - shift);
   rest = rest + fma(k, splat(1.9082149292705877e-10), part_low);
   V y = sum + rest;
-  y_low = (sum - y) + rest;
+  *y_low = (sum - y) + rest;
   return y;
 }}
 // exp(x + x_low) = (p + p_low) 2^n.
-fn M exp_parts(V x, V x_low, V& p, V& p_low) {{
+fn M exp_parts(V x, V x_low, V* p, V* p_low) {{
   V n;
-  M m = exp_halvings(x, n);
+  M m = exp_halvings(x, &n);
   V first = fma(n, splat(-0.6931471803691238), x);
   V r = fma(n, splat(-1.9082149292705877e-10), first);
   V r_low = fma(n, splat(-1.9082149292705877e-10), first - r) + x_low;
   V t = r + r_low;
   r_low = (r - t) + r_low;
   V tail = exp_reduced(t) + r_low;
-  p = 1.0 + tail;
-  p_low = (1.0 - p) + tail;
+  V sum = 1.0 + tail;
+  *p = sum;
+  *p_low = (1.0 - sum) + tail;
   return m;
 }}
 fn V pow_(V x, V y) {{
@@ -83,9 +84,9 @@ fn V pow_(V x, V y) {{
   V infinity = inf_();
   V a = abs_(x);
   V l_low;
-  V l = log_double(a, l_low);
+  V l = log_double(a, &l_low);
   V e = mul(y, l);
-  V e_low = fma(y, l, -e) + y * l_low;
+  V e_low = fused(y, l, -e) + y * l_low;
   V low = splat(-760.0);
   V high = splat(720.0);
   M beyond = mnot(mand(gt(e, low), lt(e, high)));
@@ -94,7 +95,7 @@ fn V pow_(V x, V y) {{
   e = sel(gt(e, high), high, e);
   V p;
   V p_low;
-  M n = exp_parts(e, e_low, p, p_low);
+  M n = exp_parts(e, e_low, &p, &p_low);
   V r = scaled(p, n);
   M up = mxor(gt(y, zero), lt(a, one));
   M edge = mor(eq(a, zero), mor(eq(a, infinity), eq(abs_(y), infinity)));
@@ -124,14 +125,14 @@ fn V erfc_outer(V a) {{
   V square = mul(a, a);
   V p;
   V p_low;
-  M n = exp_parts(-square, -fma(a, a, -square), p, p_low);
+  M n = exp_parts(-square, -fused(a, a, -square), &p, &p_low);
   V d = fma(a, splat(2.0), splat(1.0));
   V d_low = fma(a, splat(2.0), 1.0 - d);
   V inverse = 1.0 / d;
   V q = mul(g, inverse);
-  V q_low = fma(-q, d_low, fma(-q, d, g)) * inverse;
+  V q_low = fma(-q, d_low, fused(-q, d, g)) * inverse;
   V h = mul(p, q);
-  return scaled(h + (fma(p, q, -h) + fma(p, q_low, p_low * q)), n);
+  return scaled(h + (fused(p, q, -h) + fma(p, q_low, p_low * q)), n);
 }}
 fn V erf_(V x) {{
   V a = abs_(x);

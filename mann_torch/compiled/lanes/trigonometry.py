@@ -33,7 +33,7 @@ _FAR = "".join(
     f"""
 slow V {name}_far(V x, M far, V y) {{
   for (int i = 0; i < @LANES@; ++i) {{
-    if (iget(far, i) != 0) put(y, i, ::{name}(get(x, i)));
+    if (iget(far, i) != 0) put(&y, i, far_{name}(get(x, i)));
   }}
   return y;
 }}
@@ -49,23 +49,23 @@ fn V circular(V r, M quadrant) {{
   {polynomial("p", "z", _SIN[:-1])}
   {polynomial("q", "z", _COS)}
   V y = sel(ine(quadrant & 1, isplat(0)), fma(z, q, splat(1.0)), fma(z * r, p, r));
-  return from_bits(bits(y) ^ ((quadrant & 2) << 62));
+  return from_bits(bits(y) ^ shl(quadrant & 2, 62));
 }}
 // n, the nearest integer to a / (pi / 2); its low bits are those of the result.
-fn M quarter_turns(V a, V& n) {{
+fn M quarter_turns(V a, V* n) {{
   V shifted = fma(a, splat(0.6366197723675814), magic_());
-  n = shifted - magic_();
+  *n = shifted - magic_();
   return bits(shifted);
 }}
 fn V less_quarter_turns(V a, V n) {{
-  V r = fma(n, splat(-1.5707963267948966), a);
-  r = fma(n, splat(-6.123233995736766e-17), r);
+  V r = fused(n, splat(-1.5707963267948966), a);
+  r = fused(n, splat(-6.123233995736766e-17), r);
   return fma(n, splat(1.4973849048591698e-33), r);
 }}
 fn V sin_(V x) {{
   V a = abs_(x);
   V n;
-  M quadrant = quarter_turns(a, n);
+  M quadrant = quarter_turns(a, &n);
   V y = from_bits(bits(circular(less_quarter_turns(a, n), quadrant)) ^ sign_bit(x));
   M far = gt(a, splat(1e9));
   return any(far) ? sin_far(x, far, y) : y;
@@ -73,7 +73,7 @@ fn V sin_(V x) {{
 fn V cos_(V x) {{
   V a = abs_(x);
   V n;
-  M quadrant = quarter_turns(a, n);
+  M quadrant = quarter_turns(a, &n);
   V y = circular(less_quarter_turns(a, n), quadrant + 1);
   M far = gt(a, splat(1e9));
   return any(far) ? cos_far(x, far, y) : y;
@@ -82,10 +82,10 @@ fn V cos_(V x) {{
 fn V tan_(V x) {{
   V a = abs_(x);
   V n;
-  M quadrant = quarter_turns(a, n);
-  V first = fma(n, splat(-1.5707963267948966), a);
+  M quadrant = quarter_turns(a, &n);
+  V first = fused(n, splat(-1.5707963267948966), a);
   V w = mul(n, splat(-6.123233995736766e-17));
-  V w_low = fma(n, splat(-6.123233995736766e-17), -w);
+  V w_low = fused(n, splat(-6.123233995736766e-17), -w);
   V r = first + w;
   V shift = r - first;
   V r_low = (first - (r - shift)) + (w - shift);
@@ -107,7 +107,7 @@ fn V tan_(V x) {{
   V inverse = 1.0 / below;
   V y = mul(top, inverse);
   V rest = fma(-y, sel(odd, sine_low, cosine_low), sel(odd, -cosine_low, sine_low));
-  y = fma(fma(-y, below, top) + rest, inverse, y);
+  y = fma(fused(-y, below, top) + rest, inverse, y);
   y = from_bits(bits(y) ^ sign_bit(x));
   M far = gt(a, splat(1e9));
   return any(far) ? tan_far(x, far, y) : y;

@@ -1,7 +1,9 @@
 """C++ text of the lane types and of the primitives that differ between one lane and several.
 
 A value `V` holds one floating number per lane, an `M` one integer of as many bits; a mask is an `M`
-of 0 or -1. Everything above the primitives is written once (`lane_maths`).
+of 0 or -1. Everything above the primitives is written once (`library`), as text that is C++, CUDA
+and C99: results besides the first go by pointers. `SCALAR` and `CHOICES` are all of these too;
+what a machine calls its operations is C++ and CUDA here, and C99 in `c99.machine`.
 """
 
 import re
@@ -27,8 +29,9 @@ def check_lanes(lanes: int) -> None:
 
 def primitives(lanes: int, real: Real = DOUBLE) -> str:
     """The primitives, each a line `fn TYPE name(...) {...}` (see `lane_maths`)."""
-    own = _SCALAR if lanes == 1 else _VECTOR.replace("@ALL@", ", ".join(["a"] * lanes))
-    return narrowed(own + _BOTH) if real is FLOAT else own + _BOTH
+    own = SCALAR + _BITS if lanes == 1 else _VECTOR.replace("@ALL@", ", ".join(["a"] * lanes))
+    text = own + _MACHINE + CHOICES
+    return narrowed(text) if real is FLOAT else text
 
 
 #: What the bits and intrinsics of float64 are called, and those of float32 in their place.
@@ -56,8 +59,8 @@ def narrowed(text: str) -> str:
     return text
 
 
-# NaN compares false, except under `ne`. The negated product keeps a mask 0 / -1.
-_SCALAR = """
+# NaN compares false, except under `ne`. The negated product keeps a mask 0 / -1. Integers wrap.
+SCALAR = """
 fn V splat(double a) { return a; }
 fn M isplat(long long a) { return a; }
 fn M lt(V a, V b) { return -(M)(a < b); }
@@ -78,9 +81,14 @@ fn bool any(M a) { return a != 0; }
 fn bool all(M a) { return a == -1; }
 fn double get(V a, int i) { (void)i; return a; }
 fn long long iget(M a, int i) { (void)i; return a; }
-fn void put(V& a, int i, double b) { (void)i; a = b; }
-fn void iput(M& a, int i, long long b) { (void)i; a = b; }
-#if defined(__CUDA_ARCH__)
+fn void put(V* a, int i, double b) { (void)i; *a = b; }
+fn void iput(M* a, int i, long long b) { (void)i; *a = b; }
+fn M iadd(M a, M b) { return (M)((unsigned long long)a + (unsigned long long)b); }
+fn M isub(M a, M b) { return (M)((unsigned long long)a - (unsigned long long)b); }
+fn M imul(M a, M b) { return (M)((unsigned long long)a * (unsigned long long)b); }
+fn M shl(M a, int n) { return (M)((unsigned long long)a << n); }
+"""
+_BITS = """#if defined(__CUDA_ARCH__)
 fn M bits(V a) { return __double_as_longlong(a); }
 fn V from_bits(M a) { return __longlong_as_double(a); }
 fn V fma(V a, V b, V c) { return __fma_rn(a, b, c); }
@@ -117,15 +125,19 @@ fn bool any(M a) { return __builtin_reduce_or(a) != 0; }
 fn bool all(M a) { return __builtin_reduce_and(a) == -1; }
 fn double get(V a, int i) { return a[i]; }
 fn long long iget(M a, int i) { return a[i]; }
-fn void put(V& a, int i, double b) { a[i] = b; }
-fn void iput(M& a, int i, long long b) { a[i] = b; }
+fn void put(V* a, int i, double b) { (*a)[i] = b; }
+fn void iput(M* a, int i, long long b) { (*a)[i] = b; }
+fn M iadd(M a, M b) { return a + b; }
+fn M isub(M a, M b) { return a - b; }
+fn M imul(M a, M b) { return a * b; }
+fn M shl(M a, int n) { return a << n; }
 fn M bits(V a) { return (M)a; }
 fn V from_bits(M a) { return (V)a; }
 """
 
-# `mul` is the product rounded once, whatever the compiler would contract. `to_int` yields the
-# smallest integer for what no integer holds, as x86 does.
-_BOTH = """
+# `mul` is the product rounded once, whatever the compiler would contract. `fused` is an fma whose
+# exact product matters, `fma` one that C99 may round twice.
+_MACHINE = """
 #if !defined(__CUDA_ARCH__)
 fn V fma(V a, V b, V c) { return __builtin_elementwise_fma(a, b, c); }
 fn V mul(V a, V b) { return a * b; }
@@ -135,6 +147,10 @@ fn V ceil_(V a) { return __builtin_elementwise_ceil(a); }
 fn V trunc_(V a) { return __builtin_elementwise_trunc(a); }
 fn V round_(V a) { return __builtin_elementwise_roundeven(a); }
 #endif
+fn V fused(V a, V b, V c) { return fma(a, b, c); }
+"""
+# `to_int` yields the smallest integer for what no integer holds, as x86 does.
+CHOICES = """
 fn V sel(M m, V a, V b) { return m ? a : b; }
 fn M isel(M m, M a, M b) { return m ? a : b; }
 fn M mand(M a, M b) { return a & b; }

@@ -163,7 +163,7 @@ def _head(layout: Layout, lanes: int, sizes: Sizes, skeleton: Skeleton | None) -
             f"enum {{ {constants} }};",
             "struct Lanes {",
             lane_library(lanes, "CUDA_CALLABLE", layout.real),
-            linear_library("CUDA_CALLABLE"),
+            linear_library(lanes, "CUDA_CALLABLE"),
             "};",
         ]
     )

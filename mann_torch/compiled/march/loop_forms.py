@@ -82,7 +82,7 @@ long long held_segment = -1;
     _ROWS
     + _FROM.replace("@", "g_motion + ((long long)row * B").replace("#", "N_MOTION")
     + """
-        for (int e = 0; e < N_MOTION; ++e) put(adj[e], l, get(adj[e], l) + from[e]);
+        for (int e = 0; e < N_MOTION; ++e) put(&adj[e], l, get(adj[e], l) + from[e]);
       }
 """: """
       Turn::add(adj, g_motion + ((long long)row * B + (long long)g * LANES) * N_MOTION, N_MOTION,
@@ -91,7 +91,7 @@ long long held_segment = -1;
     _ROWS
     + _FROM.replace("@", "g_state + ((long long)whole * B").replace("#", "N_F")
     + """
-        for (int e = 0; e < N_F; ++e) put(adj[e], l, get(adj[e], l) + from[e]);
+        for (int e = 0; e < N_F; ++e) put(&adj[e], l, get(adj[e], l) + from[e]);
       }
 """: """
       Turn::add(adj, g_state + ((long long)whole * B + (long long)g * LANES) * N_F, N_F,

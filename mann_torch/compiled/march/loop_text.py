@@ -47,7 +47,7 @@ struct Tools : Lanes {
                                         long long instants, int instant) {
     for (int w = 0; w < N_NOISE; ++w)
       for (int l = 0; l < LANES; ++l)
-        put(noise[w], l, rows[((long long)row[l] * instants + instant) * N_NOISE + w]);
+        put(&noise[w], l, rows[((long long)row[l] * instants + instant) * N_NOISE + w]);
   }
   static inline CUDA_CALLABLE void hold(M alive, V* f, M* k, const V* f_old, const M* k_old) {
     for (int e = 0; e < N_F; ++e) f[e] = sel(alive, f[e], f_old[e]);
@@ -81,7 +81,7 @@ struct Watch : Tools {
 V* f = f_start; M* k = k_start;
 V* f_next = f_other; M* k_next = k_other;
 M alive = Watch::isplat(0);
-for (int l = 0; l < LANES; ++l) Watch::iput(alive, l, stop[l] >= T ? -1 : 0);
+for (int l = 0; l < LANES; ++l) Watch::iput(&alive, l, stop[l] >= T ? -1 : 0);
 for (long long s = first; s <= last; ++s) {
   if (s > first || s == 0) {
     const int row = motion_slot[s];
@@ -117,7 +117,7 @@ for (long long s = first; s <= last; ++s) {
       if (Watch::iget(fell, l)) {
         stop[l] = (int)s;
         cause[l] = Watch::why(f_next, l, LIMIT);
-        Watch::iput(alive, l, 0);
+        Watch::iput(&alive, l, 0);
       }
   if (!Watch::all(alive)) Watch::hold(alive, f_next, k_next, f, k);
   V* const f_swap = f; f = f_next; f_next = f_swap;
@@ -143,7 +143,7 @@ M* const ring_k = (M*)heap; heap += (FINE + 1) * N_K;
 V* const fine_f = heap; heap += (STRIDE / FINE) * N_F;
 M* const fine_k = (M*)heap; heap += (STRIDE / FINE) * N_K;
 M stops = Tools::isplat(0);
-for (int l = 0; l < LANES; ++l) Tools::iput(stops, l, stop[l]);
+for (int l = 0; l < LANES; ++l) Tools::iput(&stops, l, stop[l]);
 // first and last are numbers of blocks here.
 for (long long block = last - 1; block >= first; --block) {
   const long long from = block * STRIDE, to = from + STRIDE < T ? from + STRIDE : T;
@@ -224,12 +224,12 @@ struct Gather : Lanes {
     if (g_motion && row >= 0)
       for (int l = 0; l < LANES && (long long)g * LANES + l < B; ++l) {
         const double* from = g_motion + ((long long)row * B + (long long)g * LANES + l) * N_MOTION;
-        for (int e = 0; e < N_MOTION; ++e) put(adj[e], l, get(adj[e], l) + from[e]);
+        for (int e = 0; e < N_MOTION; ++e) put(&adj[e], l, get(adj[e], l) + from[e]);
       }
     if (g_state && whole >= 0)
       for (int l = 0; l < LANES && (long long)g * LANES + l < B; ++l) {
         const double* from = g_state + ((long long)whole * B + (long long)g * LANES + l) * N_F;
-        for (int e = 0; e < N_F; ++e) put(adj[e], l, get(adj[e], l) + from[e]);
+        for (int e = 0; e < N_F; ++e) put(&adj[e], l, get(adj[e], l) + from[e]);
       }
   }
 };

@@ -42,7 +42,7 @@ $SQUARE  }
       }
     for (int l = 0; l < LANES; ++l) {
       const double* const own = rows + (l < live ? l : live - 1) * wide;
-      for (int e = first; e < n; ++e) put(f[e], l, own[e]);
+      for (int e = first; e < n; ++e) put(&f[e], l, own[e]);
     }
   }
   // Row `row` of the segments as lanes.
@@ -79,7 +79,7 @@ $SQUARE  }
         for (int l = 0; l < LANES; ++l) f[first + l] = f[first + l] + x[l];
       }
     for (int l = 0; l < LANES && l < live; ++l)
-      for (int e = first; e < n; ++e) put(f[e], l, get(f[e], l) + rows[(long long)l * n + e]);
+      for (int e = first; e < n; ++e) put(&f[e], l, get(f[e], l) + rows[(long long)l * n + e]);
   }
 };
 """

@@ -144,7 +144,8 @@ class Approximator(DesignModule):
         if self.memory is None or found.weights is None:
             return None
         rate = self.memory.key_rule.rate(found.weights)
-        memory = MemoryState(found.weights.unsqueeze(-1), rate.unsqueeze(-1))
+        width = min(1, self.memory.initial_keys.shape[-1])  # of one for all numbers of a key
+        memory = MemoryState(found.weights.unsqueeze(-1), rate.unsqueeze(-1)[..., :width])
         return ControllerState(None, memory)
 
     def rates(

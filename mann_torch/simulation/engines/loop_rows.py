@@ -64,7 +64,7 @@ def task_rows(
     if task.noise is not None:
         constants.append(as_rows(task.noise.std, batch, 1))
     columns = [
-        torch.stack([_batched(leaf, batch) for leaf in column])
+        torch.stack([batched(leaf, batch) for leaf in column])
         for column in zip(*coefficients, strict=True)
     ]
     state = [leaf.reshape((batch.numel(), *leaf.shape[depth:])) for leaf in leaves(task.state)]
@@ -87,7 +87,7 @@ def _first_sums(task: Task, step: LoopStep) -> list[Tensor]:
     return sums + [torch.zeros(count, width, dtype=torch.float64) for width in rest]
 
 
-def _batched(leaf: Tensor, batch: torch.Size) -> Tensor:
+def batched(leaf: Tensor, batch: torch.Size) -> Tensor:
     """A coefficient (..., *event), or one without batch dimensions, as (B, *event)."""
     depth = len(batch)
     if leaf.shape[:depth] != batch:

@@ -14,7 +14,7 @@ from torch import Tensor
 from ...compiled import Layout, Leaf, Program, UntraceableError, frozen, with_tensors
 from ...constraints import held_tensors
 from ...signals import Surroundings
-from ...trees import Packer, leaves, map_tensors, rebuilt
+from ...trees import Packer, leaves, map_tensors, rebuilt, structure
 from ...types import LoopMode, LoopState
 from ..conditions import Conditions, Span, Ticks
 from ..solvers.flat_flow import flat_rates
@@ -104,7 +104,7 @@ class LoopStep:
 
     def form(self) -> tuple[Any, ...]:
         """Which members of state, mode and coefficients there are."""
-        return tuple(_structure(x) for x in (self._state, self._mode, self._coefficients))
+        return tuple(structure(x) for x in (self._state, self._mode, self._coefficients))
 
     def split(self, carry: Sequence[Tensor]) -> tuple[list[Tensor], list[Tensor], list[Tensor]]:
         """State leaves, sums, and mode leaves."""
@@ -205,9 +205,3 @@ def _effort(
     size = u.abs()
     higher = counted & (late > 0.5) & (size > peak)
     return [rate, torch.where(higher, size, peak), u]
-
-
-def _structure(tree: Any) -> Any:
-    if tree is None or isinstance(tree, Tensor):
-        return tree is not None
-    return (type(tree).__qualname__, *(_structure(branch) for branch in tree))

@@ -1,0 +1,1 @@
+"""Mechanisms in motion: a drawing a kind of plant, films of them."""

@@ -1,0 +1,1 @@
+"""Controllers that leave the simulator."""
