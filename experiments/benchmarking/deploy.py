@@ -144,7 +144,7 @@ def sizes(results: Sequence[dict[str, Any]]) -> list[list[str]]:
 def needs(results: Sequence[dict[str, Any]]) -> list[list[str]]:
     """What makes and what runs each file, and sizes here."""
     torch_mb = _mb("torch", "lib", ("libtorch_cpu.so", "libtorch.so", "libc10.so"))
-    onnx_mb = _mb("onnxruntime", "capi", ("*.so*",))
+    onnx_mb = _mb("onnxruntime", "capi", ("onnxruntime_pybind11_state*",))
 
     def size(engine: str, name: str) -> str:
         found = _of(results, engine=engine, controller=PAPER).get("bytes", {})

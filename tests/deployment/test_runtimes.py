@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -29,6 +30,7 @@ from mann_torch.deployment.runtimes import (
 from mann_torch.deployment.runtimes.flat import FlatTick, FlatTicked, Running, check_agreement
 from mann_torch.errors import ConfigError, ExportError, KindError
 from tests.conftest import CONTROLLERS, make_controller
+from tests.pages import text_of
 
 PERIOD = 1e-3
 NOT_A_NUMBER, HUGE, FROZEN = 50, 55, range(60, 80)
@@ -206,6 +208,22 @@ def test_a_file_says_which_number_is_what(tmp_path: Path) -> None:
         list(x) for x in stepper.ports.measurement
     ]
     assert json.loads(told["mann_torch.state_f"]) == session.get_inputs()[0].shape[0]
+
+
+@with_onnx
+@pytest.mark.slow
+def test_the_page_says_how_onnx_is_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (code,) = re.findall(r"```py\n(.*?)```", text_of("deploy.md"), re.S)
+    monkeypatch.chdir(tmp_path)
+    stepper = mt.deploy(make_controller("reallocating_initial"), PERIOD, engine="torch")
+    state = stepper.initial_state(*rows(stepper, 0))
+    names = {"stepper": stepper, "state": state}
+    exec(compile(code, "docs/deploy.md", "exec"), names)
+    still = (torch.zeros(n, dtype=torch.float64) for n in (6, 4))
+    u, after, flags = stepper.step(state, *still)
+    assert int(names["flags"]) == flags
+    assert torch.as_tensor(names["u"]) == pytest.approx(u, rel=1e-12)
+    assert torch.as_tensor(names["f"]) == pytest.approx(stepper.blob.split(after)[0], abs=1e-12)
 
 
 def test_a_runtime_with_other_numbers_is_refused() -> None:
