@@ -110,6 +110,17 @@ def test_an_exported_program_runs_as_the_stepper() -> None:
     compare(stepper, ExportedTick(exported(stepper)), ticks=90)
 
 
+def test_constants_are_those_of_the_stepper() -> None:
+    stepper = mt.deploy(controller := make_controller("nn"), PERIOD, engine="torch")
+    given = *stepper.blob.split(stepper.initial_state(*rows(stepper, 0))), *rows(stepper, 1)
+    with torch.no_grad():
+        controller.robust.base_gain.fill_(40.0)
+    ours, late = (FlatTick(s) for s in (stepper, mt.deploy(controller, PERIOD, engine="torch")))
+    u, _, _, _ = ours(*given, torch.tensor(True))
+    assert torch.equal(u, stepper(stepper.blob.joined(*given[:2]), *given[2:])[0])
+    assert not torch.equal(u, late(*given, torch.tensor(True))[0])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CONTROLLERS)
 @pytest.mark.parametrize("dtype", [torch.float64, torch.float32])

@@ -12,7 +12,6 @@ from torch import Tensor, nn
 from ...checks import instance
 from ...compiled import frozen, with_tensors
 from ...errors import ExportError
-from ..programs import values_of
 from ..tick import REFUSED
 
 if TYPE_CHECKING:
@@ -47,14 +46,14 @@ class FlatTick(nn.Module):
 
     def __init__(self, stepper: Stepper) -> None:
         super().__init__()
-        values = values_of(stepper.tick, stepper.dtype)
+        values = stepper.values
         names = {name: name.replace(".", "__") for name in values}
         self._shapes = {name: tuple(x.shape) for name, x in values.items()}
         # In a tuple, so that its own tensors are not this module's too.
         self._parts = (frozen(stepper.tick), stepper.blob, names)
         for name, x in values.items():
             # AOTInductor can't compile two unsqueezes of a buffer without dimensions.
-            self.register_buffer(names[name], x.reshape(x.shape or (1,)))
+            self.register_buffer(names[name], x.clone().reshape(x.shape or (1,)))
 
     def forward(
         self,
