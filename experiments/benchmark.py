@@ -18,7 +18,7 @@ import torch
 
 from mann_torch.compiled.host.kernels import lanes_here
 
-from .benchmarking import events, lines, memory, parts, start
+from .benchmarking import deploy, events, lines, memory, parts, start
 from .benchmarking.curves import precision, scaling
 from .benchmarking.measure import ROOT, Section
 from .runs.pictures import save
@@ -34,6 +34,7 @@ SECTIONS: dict[str, tuple[str, Callable[[], Section] | None]] = {
     "parts": ("Parts of one's own", parts.section),
     "start": ("The first rollout", start.section),
     "memory": ("The memory beside recurrent layers", memory.section),
+    "deploy": ("Ticks of deployed controllers", deploy.section),
     "scaling": ("Cost against horizon and batch", scaling),
     "precision": ("Accuracy against work", precision),
 }

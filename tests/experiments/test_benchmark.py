@@ -1,12 +1,15 @@
 """The benchmark's lines, verdicts and page; its timings are no test's business."""
 
 import importlib.util
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 import pytest
 
 from experiments.benchmark import SECTIONS, page, sections_of
+from experiments.benchmarking import deploy as benchmark_deploy
+from experiments.benchmarking import deploy_ticks
 from experiments.benchmarking import events as benchmark_events
 from experiments.benchmarking import lines as benchmark_lines
 from experiments.benchmarking import parts as benchmark_parts
@@ -110,6 +113,46 @@ def test_the_first_rollout_is_timed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert asked[0][2] == asked[1][2] != asked[2][2]
     lines = benchmark_start.rows([result])
     assert lines[1][2:5] == ["2.00 s (2.00 s)", "6 s", "ok"] and lines[1][7] == "NOT MET"
+
+
+def ticked(line: Any, **changes: object) -> dict[str, Any]:
+    times = {"median": 1.5, "rare": 19.0, "rare_quiet": 3.0, "most": 900.0, "ticks": 1000}
+    size = {"code": 15_000, "data": 0, "state": 3048} if line.engine in deploy_ticks.C else {}
+    found = {**asdict(line), **times, **size, "bytes": {}, "input": [2.0, -4.0], "first_s": 1.0}
+    return found | changes
+
+
+def test_ticks_are_compared_and_judged() -> None:
+    lines = benchmark_deploy.lines()
+    results = [ticked(line) for line in lines]
+    results[1] = ticked(lines[1], input=[2.0, -4.04], median=0.75)
+    results[-1] = asdict(lines[-1]) | {"missing": "no g++ here"}
+    rows = benchmark_deploy.rows(results)
+    assert len(rows) == len(lines) + 1 and {len(row) for row in rows} == {9}
+    assert rows[2][2:8] == ["float32", "0.75", "19 (3)", "900", "0.5 x", "1e-02"]
+    text = benchmark_deploy.text_of(results)
+    assert "NOT MET" not in text and "C, clang -O2" in text
+    assert "not measured, AOTInductor, C++: no g++ here" in text
+    slow = [ticked(line, median=2.5, rare=20.5) for line in lines]
+    assert benchmark_deploy.text_of(slow).count("NOT MET") == 2 * len(deploy_ticks.C)
+
+
+def test_the_quietest_tenth_is_that() -> None:
+    took = np.ones(1000)
+    took[:900] = 5.0
+    found = deploy_ticks.times_of(took)
+    assert (found["median"], found["rare_quiet"], found["most"]) == (5.0, 1.0, 5.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["C, gcc -O2", "AOTInductor, C++", *deploy_ticks.PYTHON])
+def test_ticks_end_with_the_same_command_everywhere(engine: str) -> None:
+    found, other = (
+        deploy_ticks.measure(deploy_ticks.Line(name, PAPER), 400)
+        for name in (engine, "compiled, Python")
+    )
+    assert found["input"] == pytest.approx(other["input"], rel=1e-12)
+    assert 0.0 < found["median"] <= found["rare"] <= found["most"]
 
 
 def test_cost_is_linear_where_it_is() -> None:

@@ -8,6 +8,7 @@ import torch
 
 import mann_torch as mt
 from mann_torch import parts
+from mann_torch.deployment import runtimes
 from tests.public_calls.things import CONTROLLER, Call
 
 STEPPER = mt.deploy(CONTROLLER, 1e-3, engine="torch")
@@ -48,5 +49,9 @@ CALLS: dict[str, Call] = {
     "Stepper.to_c": (
         STEPPER.to_c,
         {"folder": f"{ROOM.name}/out", "name": "controller", "constants": "baked", "libm": True},
+    ),
+    "to_torch_export": (
+        runtimes.to_torch_export,
+        {"stepper": STEPPER, "path": f"{ROOM.name}/controller.pt2"},
     ),
 }

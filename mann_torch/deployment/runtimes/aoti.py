@@ -12,7 +12,7 @@ from torch import Tensor
 from ...errors import ExportError
 from .exported import exported
 from .files import first_line, place_of, refusing, written
-from .flat import FlatTicked, check_agreement, told
+from .flat import FlatTicked, check_agreement, checked, told
 
 if TYPE_CHECKING:
     from ..stepper import Stepper
@@ -37,9 +37,9 @@ def to_aoti(stepper: Stepper, path: str | os.PathLike[str]) -> Path:
     `torch._inductor.aoti_load_package`; both need libtorch of the version it was made by. Inputs
     and outputs are those of `exported`, its metadata say which number is what. Compiling takes half
     a minute. Raises `ExportError` as `exported` and without a C++ compiler, `ConfigError` for a
-    path.
+    path, `KindError`.
     """
-    place = place_of(path, ".pt2")
+    stepper, place = checked(stepper), place_of(path, ".pt2")
     check_aoti()
     program = exported(stepper)
     options = {"cpp.threads": 1, "aot_inductor.metadata": told(stepper)}

@@ -10,9 +10,8 @@ import torch
 from torch import Tensor
 from torch.export import ExportedProgram
 
-from ...checks import instance
 from .files import place_of, refusing, written
-from .flat import FlatTick, FlatTicked, check_agreement, example, told
+from .flat import FlatTick, FlatTicked, check_agreement, checked, example, told
 
 if TYPE_CHECKING:
     from ..stepper import Stepper
@@ -31,9 +30,7 @@ def exported(stepper: Stepper) -> ExportedProgram:
     Raises `ExportError` for a controller that torch.export can't trace or that it traces to other
     numbers, `KindError`.
     """
-    from ..stepper import Stepper
-
-    stepper = instance("stepper", stepper, Stepper)
+    stepper = checked(stepper)
     name = type(stepper.tick.controller).__name__
     with torch.no_grad(), refusing(f"torch.export can't trace {name}"):
         program = torch.export.export(FlatTick(stepper).eval(), example(stepper), strict=False)
@@ -49,7 +46,7 @@ def to_torch_export(stepper: Stepper, path: str | os.PathLike[str]) -> Path:
 
     Its extra files say which number is what. Raises as `exported`, and `ConfigError` for a path.
     """
-    place = place_of(path, ".pt2")
+    stepper, place = checked(stepper), place_of(path, ".pt2")
     program = exported(stepper)
     with written(place) as part, refusing("torch.export can't save it"):
         torch.export.save(program, part, extra_files=told(stepper))

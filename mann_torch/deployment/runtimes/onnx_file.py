@@ -16,7 +16,7 @@ from torch import Tensor
 from ...errors import ExportError
 from .exported import exported
 from .files import place_of, refusing, written
-from .flat import INPUTS, OUTPUTS, FlatTicked, check_agreement, told
+from .flat import INPUTS, OUTPUTS, FlatTicked, check_agreement, checked, told
 
 if TYPE_CHECKING:
     from ..stepper import Stepper
@@ -40,14 +40,14 @@ def to_onnx(stepper: Stepper, path: str | os.PathLike[str]) -> Path:
     what. Raises `ExportError` as `exported`, without the packages of the extra `deploy`, and for an
     operation that ONNX or onnxruntime lacks, `ConfigError` for a path.
     """
-    place = place_of(path, ".onnx")
+    stepper, place = checked(stepper), place_of(path, ".onnx")
     check_onnx()
     program = exported(stepper)
     name = type(stepper.tick.controller).__name__
     with refusing(f"{name} can't be written as ONNX"), _quiet():
         from .onnx_operations import table
 
-        made = torch.onnx.export(
+        made: Any = torch.onnx.export(
             program,
             input_names=INPUTS,
             output_names=OUTPUTS,
