@@ -138,14 +138,6 @@ class Form:
 def form_of(stepper: Stepper, name: str, constants: str, libm: bool) -> Form:
     """A form, checked. Raises `ConfigError`, `KindError`, `ExportError`."""
     check_name(name)
-    if constants not in CONSTANTS:
-        raise ConfigError(f"constants = {constants!r}: choose one of {', '.join(CONSTANTS)}")
-    instance("name", name, str)
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,40}", name) or name in _WORDS:
-        raise ConfigError(
-            f"name = {name!r}: must be a C identifier: letters, digits and _, a letter first, 41 "
-            "at most"
-        )
     choice("constants", constants, CONSTANTS)
     form = Form(stepper, name, constants == "struct", flag("libm", libm))
     form.units  # noqa: B018  what cannot be written is refused before any file is
@@ -159,9 +151,10 @@ def _double(tree: Any) -> Any:
 def check_name(name: object) -> None:
     """Raise `KindError` or `ConfigError` for what is no name of files and C functions."""
     text = instance("name", name, str)
-    if not re.fullmatch(r"[a-z][a-z0-9_]{0,40}", text) or text in _WORDS:
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,40}", text) or text in _WORDS:
         raise ConfigError(
-            f"name = {text!r}: must be a C identifier of small letters, digits and _, 41 at most"
+            f"name = {text!r}: must be a C identifier: letters, digits and _, a letter first, 41 "
+            "at most"
         )
 
 
