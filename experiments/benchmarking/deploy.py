@@ -9,7 +9,7 @@ from typing import Any
 
 from ..runs.writing import aligned
 from .deploy_motion import TICKS
-from .deploy_ticks import CPP, PYTHON, C, Line
+from .deploy_ticks import CPP, PYTHON, WARM, C, Line
 from .measure import MISSING, Section, in_process, verdict
 from .row import PAPER
 
@@ -53,10 +53,10 @@ adaptation and memory moved on by 1 ms. Ticks are taken and timed one by one, {T
 ({FEWER["eager"]:,} in eager torch), on one thread, of the motion of scenario 1 under that
 controller as simulated at 1 kHz. The machine is shared and its kernel no real-time one: other
 programs are in the 99.9th percentile (in brackets that of the quietest tenth of the ticks) and in
-the largest time. C is timed in a C program, whose clock's own 0.03 us are in it, and "C++" in one
-that has libtorch; the others as Python calls them. "torch.compile" is of the default mode:
-"reduce-overhead" and "max-autotune" change nothing on a CPU. "Off" compares the last command with
-the compiled engine's.
+the largest time. C is timed in a C program, the clock's own time in it, and "C++" in one that has
+libtorch; the others as Python calls them, the first {WARM} ticks not counted. "torch.compile" is of
+the default mode: "reduce-overhead" and "max-autotune" are no faster on a CPU. "Off" compares the
+last command with the compiled engine's.
 
 {aligned(rows(results))}{missing(results)}
 
