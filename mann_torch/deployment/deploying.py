@@ -77,6 +77,7 @@ def deploy(
             f"the outputs of {type(plant).__name__} are not among what is measured: a reference "
             "model can't follow them there"
         )
+    controller.check_weights(controller.initial_weights(()))  # what is stored
     tick = Tick(controller, period, ports, model, _limits(actuator))
     for held in (controller, model, actuator):
         shape = () if held is None else tuple(held.batch_shape())

@@ -93,6 +93,8 @@ def start_of(
         mode = mode._replace(sensor=loop.sensor.initial_state(flat, count))
     sample = loop.followed(outside, state, here)
     measured = loop.measured(state, mode, here, outside.forces)
+    if weights is None and generator is None:
+        loop.controller.check_weights(loop.controller.initial_weights(()))  # what is stored
     own, inner = loop.controller.initial_state(sample, measured, batch, generator, weights)
     state, mode = state._replace(controller=own), mode._replace(controller=inner)
     if loop.actuator is not None or loop.clock is not None:

@@ -98,6 +98,12 @@ def test_a_controller_that_samples_between_ticks_is_refused() -> None:
     mt.deploy(sampled, 2e-3, plant=STATE, engine="torch")
 
 
+def test_weights_that_are_not_finite_are_refused() -> None:
+    controller = make_controller("nn")
+    controller.network.initial_V.fill_(torch.inf)
+    refused("initial V", controller=controller)
+
+
 def test_constants_of_a_batch_are_refused() -> None:
     controller = make_controller("nn")
     controller.initialize(base_gain=torch.tensor([10.0, 20.0]).double())
