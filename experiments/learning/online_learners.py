@@ -69,6 +69,7 @@ class OnlineLearner(nn.Module):
             self.readouts = Readouts(
                 cfg.n_slots, cfg.recall_time, cfg.sharpness, cfg.spread, cfg.common
             )
+            self.readouts.fit(self.network, {"shortfall"})
         attentions: dict[str, Callable[[], mt.Attention]] = {
             "soft": mt.SoftAttention,
             "hard": mt.HardAttention,
