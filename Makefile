@@ -1,9 +1,9 @@
-# make reproduce | make benchmarks | make test | make install | make check | make bench
+# make reproduce | make benchmarks | make test | make install | make check | make bench | make wheel
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 PY := .venv/bin/python
 ARGS ?=
 
-.PHONY: install reproduce benchmarks test lint check bench
+.PHONY: install reproduce benchmarks test lint check bench wheel
 
 install: .venv/installed
 
@@ -41,3 +41,8 @@ check: lint
 bench: install
 	@$(PY) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,bench]'
 	$(PY) -m experiments.benchmark $(ARGS)
+
+# A wheel, its self check and its tests in a new environment, away from the checkout.
+# make wheel PYTHON=python3.13 ARGS="tests/plants tests/contracts"
+wheel:
+	.ci/wheel $(PYTHON) $(ARGS)
