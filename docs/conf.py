@@ -18,6 +18,7 @@ extensions = [
     "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.intersphinx",
+    "sphinx_gallery.gen_gallery",
     "api",
     "mathml",
     "outside",
@@ -51,6 +52,19 @@ nb_execution_timeout = 120
 nb_execution_raise_on_error = True
 nb_execution_cache_path = str(HERE / "_build" / "cells")
 nb_merge_streams = True
+
+sphinx_gallery_conf = {
+    "examples_dirs": "gallery",
+    "gallery_dirs": "auto_gallery",
+    "within_subsection_order": "FileNameSortKey",
+    "filename_pattern": r"/plot_",
+    "capture_repr": (),
+    "download_all_examples": False,
+    "show_signature": False,
+    "abort_on_example_error": True,
+    "write_computation_times": False,
+    "reference_url": {"mann_torch": None},
+}
 
 html_math_renderer = "mathml"
 html_theme = "furo"
