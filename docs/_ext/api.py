@@ -84,7 +84,10 @@ def _summary(public: Public) -> str:
     else:
         text = inspect.getdoc(public.thing) or ""
     first = text.split("\n\n")[0].replace("\n", " ")
-    return re.split(r"(?<=[\w)`\]'])[.:](?: |$)", first)[0].rstrip(":") + "."
+    first = re.split(r"(?<=[\w)`\]'])(?<!eq)(?<!eqs)\.(?: |$)", first)[0]
+    if len(first) > 140:
+        first = re.split(r"[:;] ", first)[0]
+    return first.rstrip(":") + "."
 
 
 def _rows(names: Iterable[Public], known: set[str]) -> list[str]:
