@@ -1,5 +1,6 @@
 """The site: `make docs`."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -9,6 +10,8 @@ sys.path.insert(0, str(HERE / "_ext"))
 sys.path.insert(0, str(HERE.parent))
 
 import inventories  # noqa: E402
+
+os.environ.pop("MPLBACKEND", None)  # cells show their figures by the notebook's own
 
 project = "mann_torch"
 author = "the authors of mann_torch"
@@ -23,7 +26,7 @@ extensions = [
     "mathml",
     "outside",
 ]
-exclude_patterns = ["_build", "_ext", "gallery", "**/README.md", "jupyter_execute"]
+exclude_patterns = ["_build", "_ext", "gallery", "**/README.md", "auto_gallery/*.ipynb"]
 
 # Nothing is fetched: the lists are in docs/inventories.
 _lists = sorted((HERE / "inventories").glob("*.txt"))
@@ -59,6 +62,8 @@ sphinx_gallery_conf = {
     "within_subsection_order": "FileNameSortKey",
     "filename_pattern": r"/plot_",
     "capture_repr": (),
+    "thumbnail_size": (640, 400),
+    "notebook_extensions": set(),
     "download_all_examples": False,
     "show_signature": False,
     "abort_on_example_error": True,
