@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from mann_torch.version import __version__
+from tests.away import AWAY, NEEDS_CHECKOUT
 
 ROOT = Path(__file__).parent.parent
 
@@ -78,3 +79,8 @@ def test_an_installed_library_checks_itself_from_another_folder(site: Path, tmp_
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.startswith(f"mann_torch {__version__}, Python")
+
+
+def test_what_is_left_out_away_from_the_checkout_is_here() -> None:
+    assert not AWAY
+    assert all((ROOT / "tests" / name).exists() for name in NEEDS_CHECKOUT)
