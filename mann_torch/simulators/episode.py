@@ -13,7 +13,7 @@ from ..signals import Surroundings, noise_at
 from ..simulation import ClosedLoop, Scenario, Solver
 from ..simulation.conditions import Span, spans_of
 from ..simulation.task import grid_of, task_of
-from ..trees import leaves, map_tensors
+from ..trees import leaves, map_tensors, structure
 from ..types import LoopMode, LoopState
 
 
@@ -67,15 +67,23 @@ def episode_of(loop: ClosedLoop, scenario: Scenario, solver: Solver) -> Episode:
     return Episode(course, task.state, task.mode, scenario.surroundings)
 
 
-def stacked(episodes: Sequence[Episode]) -> tuple[Course, Surroundings]:
-    """Courses and signals of a batch (B, ...). Raises `ConfigError` for those that do not stack.
+def signals_of(episodes: Sequence[Episode]) -> Surroundings:
+    """Of a batch (B, ...). Raises `ConfigError` for those that do not stack."""
+    signals = [episode.surroundings for episode in episodes]
+    if all(each is signals[0] for each in signals):
+        return signals[0].expand((len(signals),))
+    return signals[0].stack(signals)
 
-    If all are one and the same nothing is written out.
+
+def course_of(episodes: Sequence[Episode]) -> Course:
+    """Of a batch (B, ...); if all are one and the same it is not written out.
+
+    Raises `ConfigError` for episodes that do not go together.
     """
     first, count = episodes[0], len(episodes)
     if all(episode is first for episode in episodes):
-        wide = map_tensors(lambda x: x.expand(count, *x.shape), first.course)
-        return wide, first.surroundings.expand((count,))
+        wide: Course = map_tensors(lambda x: x.expand(count, *x.shape), first.course)
+        return wide
     kinds = {
         (e.course.noise is None, e.surroundings.disturbance is None, type(e.course.parameters))
         for e in episodes
@@ -88,25 +96,40 @@ def stacked(episodes: Sequence[Episode]) -> tuple[Course, Surroundings]:
     courses = [episode.course for episode in episodes]
     if any(course.span is not None for course in courses):
         courses = [c._replace(span=c.span or spans_of(c.times)) for c in courses]
-    batch = map_tensors(lambda *rows: _padded(rows), *courses)
-    signals = [episode.surroundings for episode in episodes]
-    return batch, signals[0].stack(signals)
+    batch: Course = map_tensors(lambda *rows: _stacked(rows), *courses)
+    return batch
 
 
-def _padded(rows: Sequence[Tensor]) -> Tensor:
-    """(T_i, ...) -> (B, T, ...): shorter ones repeat their last row."""
+def rewritten(course: Course, places: Sequence[int], episodes: Sequence[Episode]) -> bool:
+    """Put other episodes' courses in their places (B, ...), if they fit there: whether they do."""
+    rows = [leaves(episode.course) for episode in episodes]
+    whole = leaves(course)
+    if len(whole[0]) == 1 or whole[0].stride(0) == 0:  # an episode's own, not written out
+        return False
+    if any(structure(episode.course) != structure(course) for episode in episodes):
+        return False
+    if any(len(row) > x.shape[1] for new in rows for x, row in zip(whole, new, strict=True)):
+        return False
+    for place, new in zip(places, rows, strict=True):
+        for x, row in zip(whole, new, strict=True):
+            x[place] = _padded(row, x.shape[1])
+    return True
+
+
+def _padded(row: Tensor, longest: int) -> Tensor:
+    """(T_i, ...) -> (T, ...): a shorter one repeats its last row."""
+    if len(row) == longest:
+        return row
+    return row[torch.arange(longest).clamp(max=len(row) - 1)]
+
+
+def _stacked(rows: Sequence[Tensor]) -> Tensor:
+    """(T_i, ...) -> (B, T, ...)."""
     longest = max(len(row) for row in rows)
-    if all(len(row) == longest for row in rows):
-        return torch.stack(list(rows))
-    return torch.stack([row[torch.arange(longest).clamp(max=len(row) - 1)] for row in rows])
+    return torch.stack([_padded(row, longest) for row in rows])
 
 
 def put(whole: Any, places: Sequence[int], rows: Sequence[Any]) -> Any:
     """A tree (B, ...) with other rows (...) at some places."""
     index = torch.tensor(list(places))
     return map_tensors(lambda old, *new: old.index_copy(0, index, torch.stack(new)), whole, *rows)
-
-
-def width_of(tree: Any) -> int:
-    """How many numbers a tree of rows (..., d) has."""
-    return sum(leaf.shape[-1] for leaf in leaves(tree))

@@ -15,7 +15,7 @@ from ..simulation.jumping import jump
 from ..trees import Packer, map_tensors
 from ..types import LoopState
 from .compiled_steps import Piece
-from .episode import Episode, put, stacked
+from .episode import Course, Episode, course_of, put, rewritten, signals_of
 from .given import Told
 from .steps import Steps
 
@@ -52,17 +52,20 @@ class Episodes:
         self._packer: Packer[LoopState] = Packer(self._episodes[0].state, 0)
         self.steps = Steps(loop, solver, self._packer, limit, obstacle, insisted)
         self._carry: Carry
+        self._course: Course
         self.begin(range(len(self._episodes)), self._episodes)
 
     @torch.no_grad()
     def begin(self, places: Sequence[int], episodes: Sequence[Episode]) -> None:
         """Begin other episodes at some places; the rest stay where they are."""
-        changed = not hasattr(self, "_course")
+        changed = first = not hasattr(self, "_course")
         for place, episode in zip(places, episodes, strict=True):
             changed |= self._episodes[place] is not episode
             self._episodes[place] = episode
         if changed:
-            self._course, self._signals = stacked(self._episodes)
+            if first or not rewritten(self._course, places, episodes):
+                self._course = course_of(self._episodes)
+            self._signals = signals_of(self._episodes)
             self.steps.renew(self._signals)
         flat = [self._packer.pack(episode.state) for episode in episodes]
         modes = [episode.mode for episode in episodes]

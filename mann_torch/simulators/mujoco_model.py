@@ -32,6 +32,8 @@ class MujocoModel:
         # MuJoCo would begin anew at t = 0.
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self.data = mujoco.MjData(self.model)
+        bad = ("QPOS", "QVEL", "QACC", "CTRL")
+        self._bad = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{x}")) for x in bad]
         kinds = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
         numbers = [self.number_of("joint", name) for name in _names("joints", joints)]
         for name, i in zip(joints, numbers, strict=True):
@@ -67,13 +69,14 @@ class MujocoModel:
         return self.data.qpos[self.positions].copy(), self.data.qvel[self.velocities].copy()
 
     def push(self, u: Any, steps: int) -> bool:
-        """Hold inputs for some timesteps: whether what came of it is finite."""
+        """Hold inputs for some timesteps: whether all stayed finite, and below MuJoCo's 1e10."""
         if self.motors is None:
             self.data.qfrc_applied[self.velocities] = u
         else:
             self.data.ctrl[self.motors] = u
         self._mujoco.mj_step(self.model, self.data, steps)
-        return bool(np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all())
+        finite = np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all()
+        return bool(finite) and not any(self.data.warning[i].number for i in self._bad)
 
     def load(self, payload: Payload) -> None:
         """Give a body another mass and inertia. Raises `ConfigError` for an unknown body."""

@@ -33,7 +33,7 @@ class MujocoRun:
     u: Tensor  # (K, m) what the controller commands
     flags: Tensor  # (K,) int64, as the controller gives them (`mann_torch.deployment`)
     state: Tensor  # (size,) of the controller at the end: it can go on elsewhere
-    stopped_at: float | None  # [s] where MuJoCo's numbers ceased to be finite; None: nowhere
+    stopped_at: float | None  # [s] where MuJoCo found numbers not finite, or huge; None: nowhere
 
     @property
     def srmse(self) -> Tensor:

@@ -40,7 +40,8 @@ class PlantEnv(gymnasium.Env):
     - info: time `t` [s], `error` and `output` (p,), `applied` input (m,)
 
     `engine` is ``auto``, ``compiled`` or ``torch``, as `rollout` has it: the first step compiles.
-    Scenarios are not to be changed once they were given.
+    Neither scenarios nor parts are to be changed once they were given; a function is asked once
+    beforehand, for the sizes of what it gives.
 
     Raises `ConfigError` or a subclass of it, as `rollout` does, for what does not fit, and for an
     action that is not finite or of another shape.

@@ -100,6 +100,8 @@ class PlantVectorEnv(gymnasium.vector.VectorEnv):
             seeds = list(seed)
         elif seed is not None:
             seeds = [whole("seed", seed, 0) + i for i in range(count)]
+            # For wrappers: none of the environments' own.
+            self._np_random, self._np_random_seed = np.random.default_rng([seed, count]), seed
         if len(seeds) != count:
             raise ConfigError(f"seed: {len(seeds)} of them, there are {count} environments")
         for i in chosen.nonzero()[0]:

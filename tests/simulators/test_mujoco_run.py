@@ -11,7 +11,7 @@ import torch
 
 import mann_torch as mt
 from mann_torch.control import LinearFeedback
-from mann_torch.deployment import REFUSED, SATURATED
+from mann_torch.deployment import SATURATED
 from mann_torch.plants import CartPole, DoubleIntegrator, WingRock
 from mann_torch.signals import Polynomial, Sinusoid, Steps
 from mann_torch.simulators import MujocoModel, Payload, arm_mjcf, arm_payloads, run_in_mujoco
@@ -227,4 +227,8 @@ def test_a_run_ends_where_its_numbers_do(tmp_path: Path, monkeypatch: pytest.Mon
     one, text = Polynomial([[1.0]]), SLIDE.format(mass=0.5)
     run = run_in_mujoco(force(1e308, 1e-3), text, ["rail"], one, 0.1)
     assert run.stopped_at == pytest.approx(1e-3) and len(run.t) == 2
-    assert not bool(run.flags.any()) and REFUSED not in run.flags.tolist()
+    # Finite, but MuJoCo would leave out the control of a motor from here on.
+    run = run_in_mujoco(force(1e11, 1e-3), text, ["rail"], one, 0.1, actuators=["rope"])
+    assert run.stopped_at == pytest.approx(1e-3)
+    run = run_in_mujoco(force(1e9, 1e-3), text, ["rail"], one, 0.1)
+    assert run.stopped_at is None

@@ -114,6 +114,19 @@ def test_a_seed_says_all_that_is_drawn() -> None:
         assert np.abs(runs[one].observations - runs[other].observations).max() > 1e-3
 
 
+def test_a_scenario_that_comes_again_is_as_it_was() -> None:
+    """Whatever came between, of the same length."""
+    random = np.random.default_rng(3)
+    tasks = [drawn(random) for _ in range(3)]
+    order = iter([0, 0, 1, 2, 0, 1])
+    env = PlantEnv(**cart(scenario=lambda _: tasks[next(order)]))
+    push = lambda seen, state: (np.ones(1), state)  # noqa: E731
+    runs = [run_episode(env, push).observations for _ in range(5)]
+    np.testing.assert_array_equal(runs[0], runs[3])
+    np.testing.assert_array_equal(runs[1], runs[4])
+    assert np.abs(runs[0] - runs[1]).max() > 1e-3
+
+
 def test_a_divergence_ends_it_and_is_no_way_out() -> None:
     env = PlantEnv(**cart(5.0, divergence_limit=2.0))
     push = lambda seen, state: (5.0 * np.ones(1), state)  # noqa: E731
@@ -160,6 +173,7 @@ def test_gymnasiums_wrappers_fit() -> None:
         ({"scenario": 3}, "scenario = 3: must be a Scenario, or a function"),
         ({"scenario": lambda random: 3}, "scenario = 3: must be a Scenario"),
         ({"actuator": mt.Actuator(5, limit=1.0)}, "an actuator of 5"),
+        ({"actuator": mt.Actuator(1, limit=[[1.0], [2.0]])}, r"have batch shape \(2,\)"),
     ],
 )
 def test_what_does_not_fit_is_named(changed: dict[str, Any], said: str) -> None:
