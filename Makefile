@@ -1,9 +1,9 @@
-# make reproduce | make benchmarks | make test | make docs | make install | make check | make bench
+# make reproduce | make benchmarks | make test | make install | make check | make bench | make docs | make wheel
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 PY := .venv/bin/python
 ARGS ?=
 
-.PHONY: install reproduce benchmarks test lint check bench docs
+.PHONY: install reproduce benchmarks test lint check bench docs wheel
 
 install: .venv/installed
 
@@ -35,7 +35,7 @@ test: lint
 
 # The site, every cell and every example of the gallery run: docs/_build/html/index.html.
 docs: install
-	$(PY) -m sphinx -j 2 -W --keep-going -q -b html docs docs/_build/html $(ARGS)
+	$(PY) -m sphinx -E -j 2 -W --keep-going -q -b html docs docs/_build/html $(ARGS)
 	@echo "open docs/_build/html/index.html"
 
 # The slow checks too: torchdiffeq over 20 s, golden numbers at 1 ms.
@@ -46,3 +46,8 @@ check: lint
 bench: install
 	@$(PY) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,bench]'
 	$(PY) -m experiments.benchmark $(ARGS)
+
+# A wheel, its self check and its tests in a new environment, away from the checkout.
+# make wheel PYTHON=python3.13 ARGS="tests/plants tests/contracts"
+wheel:
+	.ci/wheel $(PYTHON) $(ARGS)

@@ -11,7 +11,7 @@ import torch
 
 from ..control import AdaptiveLaw, ConstantGain, MannController
 from ..deployment import deploy
-from ..errors import MannError
+from ..errors import KernelError
 from ..memory import (
     ATTENTIONS,
     HardAttention,
@@ -33,10 +33,6 @@ from .references import check_reference
 
 #: How far the engines may be apart after 25 steps, and their gradients, relative.
 APART, GRADIENTS_APART = 1e-12, 1e-9
-
-
-class SelfCheckError(MannError):
-    """Something does not come out here as it should."""
 
 
 def _paper() -> tuple[ClosedLoop, Scenario]:
@@ -76,7 +72,7 @@ def check_engines() -> str:
     apart = float((output - judge).abs().max())
     off = abs(float(slope / by_torch) - 1.0)
     if not (apart <= APART and off <= GRADIENTS_APART and float(by_torch) != 0.0):
-        raise SelfCheckError(f"the engines are {apart:.1e} apart, their gradients {off:.1e}")
+        raise KernelError(f"the engines are {apart:.1e} apart, their gradients {off:.1e}")
     return f"{apart:.0e} rad apart, gradients {off:.0e}"
 
 
@@ -93,7 +89,7 @@ def check_memory() -> str:
             steps.append(output)
     apart = float((outputs - torch.stack(steps)).abs().max())
     if not apart <= APART:
-        raise SelfCheckError(f"a sequence is {apart:.1e} from its cell's steps")
+        raise KernelError(f"a sequence is {apart:.1e} from its cell's steps")
     return f"{apart:.0e} apart"
 
 
@@ -105,7 +101,7 @@ def check_deployed() -> str:
     seen = Measurement(sample.value - 0.01, sample.rate)
     command, _, flags = stepper.step(stepper.initial_state(sample, seen), sample, seen)
     if flags or not bool(torch.isfinite(command).all()):
-        raise SelfCheckError(f"a deployed step gives {command.tolist()} with flags {flags}")
+        raise KernelError(f"a deployed step gives {command.tolist()} with flags {flags}")
     return f"{command.shape[-1]} commands"
 
 
