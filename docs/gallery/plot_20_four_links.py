@@ -4,8 +4,8 @@ Four links, one drawing
 
 The same controller on a longer arm: four links of 0.5 m go from one pose to another and back by a
 minimum-jerk path, with nothing known of masses or gravity. Left: the arm every 50 ms of the first
-move. Right: the joints' errors while a network of 20 neurons with a memory learns: the first second,
-from nothing, is the worst. Flash and Hogan 1985 for the path, Lagrange for the arm.
+move. Right: the joints' errors while a network with a memory learns: the first second, from
+nothing, is the worst. Flash and Hogan 1985 for the path, Lagrange for the arm.
 """
 
 import matplotlib.pyplot as plt
