@@ -6,6 +6,8 @@ Names are imported when they are first used: `import mann_torch.memory` loads th
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from .version import __version__ as __version__
+
 if TYPE_CHECKING:
     from .control import (
         AdaptiveNetwork,
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
         ConfigError,
         DomainError,
         DtypeError,
+        ExportError,
         InterfaceError,
         KernelError,
         KindError,
@@ -86,6 +89,7 @@ __all__ = [
     "Disturbance",
     "DomainError",
     "DtypeError",
+    "ExportError",
     "FeatureNetwork",
     "HardAttention",
     "Implicit",

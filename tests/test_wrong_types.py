@@ -41,6 +41,8 @@ TEXTS |= {
     ("memory_figure", "title"),
     ("memory_figure", "t_label"),
     ("Ensemble", "device"),
+    ("Stepper.to_c", "folder"),
+    ("Stepper.to_c", "name"),
 }
 #: Where the message calls an argument by another name, or must not find it in a longer word.
 SAID = {

@@ -51,7 +51,7 @@ def pace_of(t: np.ndarray) -> Pace:
     wanted = t[0] + between * np.arange(count)
     after = np.clip(np.searchsorted(t, wanted), 1, len(t) - 1)
     nearest = after - (wanted - t[after - 1] < t[after] - wanted)
-    delay = max(1, round(between / speed / _TICK)) * _TICK
+    delay = max(1, math.floor(between / speed / _TICK + 1e-6)) * _TICK
     return Pace(tuple(map(int, nearest)), delay, between / delay)
 
 

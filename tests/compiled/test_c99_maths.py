@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mann_torch.compiled.c99 import CUnit, c99_file
+from mann_torch.compiled.c99.library import functions, library, named
 from mann_torch.compiled.real import DOUBLE, FLOAT, Real
 
 from . import test_lane_maths as lanes
@@ -145,6 +146,25 @@ def test_nothing_is_linked_without_a_library(
 ) -> None:
     text = c99_file([unit(real)], "p_", libm=False)
     assert undefined(compiled(text, tmp_path, compiler, *flags)) == set()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("real", [DOUBLE, FLOAT])
+@pytest.mark.parametrize("flags", [FMA, pytest.param(NO_FMA, marks=only_x86)])
+@pytest.mark.parametrize("libm", [True, False])
+def test_no_function_brings_one_that_is_not_called(
+    real: Real, flags: tuple[str, ...], libm: bool, tmp_path: Path
+) -> None:
+    """Each with what it calls and nothing else, under clang, which warns of the unused."""
+    parts = []
+    for i, name in enumerate(functions(real, libm)):
+        prefix = f"p{i}_"
+        call = named(f"void p{i}(void) {{ (void)&{name}(); }}", real, prefix).replace("();", ";")
+        if flags == FMA:
+            parts += [f"#define P{i}_HAVE_FMA{end} 1" for end in ("", "F")]
+        parts += [f"void p{i}(void);", library([name], real, libm, prefix), call]
+    head = c99_file([CUnit(real, "")], "p_", libm)
+    compiled(head + "\n".join(parts) + "\n", tmp_path, "clang", "-fsyntax-only", *flags)
 
 
 @pytest.mark.slow

@@ -109,7 +109,14 @@ def test_a_run_leaves_a_film_of_its_arm(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_frames_are_even_and_the_speed_is_what_is_written() -> None:
-    for horizon, apart in ((0.4, 0.01), (10.0, 0.05), (60.0, 0.05), (100.0, 0.03), (3600.0, 0.5)):
+    for horizon, apart in (
+        (0.4, 0.01),
+        (10.0, 0.05),
+        (15.0, 0.0555),
+        (60.0, 0.05),
+        (100.0, 0.03),
+        (3600.0, 0.5),
+    ):
         t = np.linspace(0.0, horizon, round(horizon / apart) + 1)
         pace = pace_of(t)
         shown, playing = t[list(pace.samples)], pace.delay * (len(pace.samples) - 1)

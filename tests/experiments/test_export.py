@@ -17,7 +17,9 @@ from experiments import export
 from experiments.command.cli import compose_job
 from experiments.export import checked
 from experiments.exporting.composing import first_state, learned_state
+from experiments.exporting.runtimes import RUNTIMES
 from mann_torch import rollout
+from mann_torch.deployment.runtimes import AotiTick, ExportedTick, OnnxTick
 from mann_torch.simulation import observe
 from tests.experiments.command import exit_code
 
@@ -130,6 +132,45 @@ def test_a_struct_in_float32_without_libm(tmp_path: Path, monkeypatch: pytest.Mo
     header = (tmp_path / "run" / "c" / "controller.h").read_text()
     assert "controller_default_constants" in header and "typedef float" in header
     assert "<math.h>" not in (tmp_path / "run" / "c" / "controller.c").read_text()
+
+
+@pytest.mark.slow
+def test_every_runtime_has_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for package in ("onnx", "onnxruntime", "onnxscript"):
+        pytest.importorskip(package)
+    monkeypatch.chdir(tmp_path)
+    every = f"export.runtimes=[{','.join(RUNTIMES)}]"
+    assert run(monkeypatch, "controller=soft", every, "export.name=arm", "run_dir=run") == 0
+    found, report = record(tmp_path / "run")["files"], (tmp_path / "run" / "report.md").read_text()
+    assert found.keys() == set(RUNTIMES)
+    assert (tmp_path / "run" / "export.log").read_text() == ""
+    for name, file in (("torch_export", "pt2"), ("aoti", "pt2"), ("onnx", "onnx")):
+        assert list(found[name]) == [f"arm.{file}"] and f"{name}/arm.{file}" in report
+    # From the saved start they all take the same step.
+    _, _, stepper = checked(compose_job("export", ["controller=soft"]))
+    state = stepper.from_bytes((tmp_path / "run" / "start.state").read_bytes())
+    rows = 0.1 * torch.ones(6).double(), 0.05 * torch.ones(4).double()
+    wanted = stepper.step(state, *rows).input
+    for kind, path in (
+        (ExportedTick, "torch_export/arm.pt2"),
+        (AotiTick, "aoti/arm.pt2"),
+        (OnnxTick, "onnx/arm.onnx"),
+    ):
+        ticked = kind(tmp_path / "run" / path)(
+            *stepper.blob.split(state), *rows, torch.tensor(True)
+        )
+        torch.testing.assert_close(ticked.input, wanted, rtol=1e-12, atol=1e-12)
+
+
+def test_a_missing_package_is_named_before_anything_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert run(monkeypatch, *SMALL, "export.runtimes=[onnx]") == 2
+    said = capsys.readouterr().err
+    assert "pip install 'mann_torch[deploy]'" in said and said.count("\n") == 1
+    assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.slow

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tempfile
+
 import torch
 
 import mann_torch as mt
@@ -12,6 +14,8 @@ STEPPER = mt.deploy(CONTROLLER, 1e-3, engine="torch")
 REFERENCE, MEASUREMENT = (torch.zeros(n, dtype=torch.float64) for n in (6, 4))
 STATE = STEPPER.initial_state(REFERENCE, MEASUREMENT)
 STEP = {"state": STATE, "reference": REFERENCE, "measurement": MEASUREMENT, "adapt": True}
+
+ROOM = tempfile.TemporaryDirectory()  # while the tests run
 
 CALLS: dict[str, Call] = {
     "deploy": (
@@ -41,4 +45,8 @@ CALLS: dict[str, Call] = {
     "Stepper.unpacked": (STEPPER.unpacked, {"state": STATE}),
     "Stepper.to_bytes": (STEPPER.to_bytes, {"state": STATE}),
     "Stepper.from_bytes": (STEPPER.from_bytes, {"data": STEPPER.to_bytes(STATE)}),
+    "Stepper.to_c": (
+        STEPPER.to_c,
+        {"folder": f"{ROOM.name}/out", "name": "controller", "constants": "baked", "libm": True},
+    ),
 }

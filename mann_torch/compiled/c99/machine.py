@@ -13,6 +13,7 @@ fn M bits(V a) { union { V number; M whole; } u; u.number = a; return u.whole; }
 fn V from_bits(M a) { union { V number; M whole; } u; u.whole = a; return u.number; }
 fn V mul(V a, V b) { return a * b; }
 """
+# The branches call no function of the library, which the other would leave unused.
 # Veltkamp's split and Dekker's product, Knuth's sum: the error beside the product and the sum.
 _FUSED = """
 // a b + c, rounded once where the machine can.
@@ -29,8 +30,8 @@ fn V fused(V a, V b, V c) {
   return @FMA@(a, b, c);
 #else
   V back = 1.0;
-  if (abs_(a) > 0x1p990) { a = a * 0x1p-60; c = c * 0x1p-60; back = 0x1p60; }
-  else if (abs_(b) > 0x1p990) { b = b * 0x1p-60; c = c * 0x1p-60; back = 0x1p60; }
+  if (a > 0x1p990 || a < -0x1p990) { a = a * 0x1p-60; c = c * 0x1p-60; back = 0x1p60; }
+  else if (b > 0x1p990 || b < -0x1p990) { b = b * 0x1p-60; c = c * 0x1p-60; back = 0x1p60; }
   V product = a * b;
   V a_high = a * 134217729.0, b_high = b * 134217729.0;
   a_high = a_high - (a_high - a);

@@ -114,17 +114,23 @@ def _size(compiler: str, folder: Path, form: Form) -> Measured | None:
                 [*command, folder / f"{form.name}.c", "-o", made],
                 check=True, capture_output=True, cwd=room, timeout=120,
             )  # fmt: skip
-            out = subprocess.run(["size", made], check=True, capture_output=True, text=True).stdout
+            out = subprocess.run(
+                ["size", "-A", "-d", made], check=True, capture_output=True, text=True
+            ).stdout
             version = subprocess.run(
                 [compiler, "-dumpversion"], check=True, capture_output=True, text=True
             ).stdout.strip()
-            text, data, bss = map(int, out.splitlines()[1].split()[:3])
+            parts = [line.split()[:2] for line in out.splitlines() if line.startswith(".")]
             used = [line.split("\t") for line in made.with_suffix(".su").read_text().splitlines()]
             step = sum(int(b) for place, b, _ in used if place.split(":")[-1] in _steps(form))
         except (OSError, subprocess.SubprocessError, ValueError, IndexError):
             return None
     name = f"{Path(compiler).name} {version} {_SIZED}, {platform.machine()}"
-    return Measured(name, text, data + bss, step)
+
+    def total(*kinds: str) -> int:
+        return sum(int(size) for part, size in parts if part.startswith(kinds))
+
+    return Measured(name, total(".text"), total(".rodata"), total(".data", ".bss"), step)
 
 
 def _steps(form: Form) -> tuple[str, str]:

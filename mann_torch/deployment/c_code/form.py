@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import torch
 from torch import Tensor
 
-from ...checks import flag, instance
+from ...checks import choice, flag, instance
 from ...compiled import Program, UntraceableError
 from ...compiled.c99 import CUnit, c99_function
 from ...compiled.real import DOUBLE, REALS, Real
@@ -137,13 +137,15 @@ class Form:
 
 def form_of(stepper: Stepper, name: str, constants: str, libm: bool) -> Form:
     """A form, checked. Raises `ConfigError`, `KindError`, `ExportError`."""
+    check_name(name)
+    if constants not in CONSTANTS:
+        raise ConfigError(f"constants = {constants!r}: choose one of {', '.join(CONSTANTS)}")
     instance("name", name, str)
     if not re.fullmatch(r"[a-z][a-z0-9_]{0,40}", name) or name in _WORDS:
         raise ConfigError(
             f"name = {name!r}: must be a C identifier of small letters, digits and _, 41 at most"
         )
-    if constants not in CONSTANTS:
-        raise ConfigError(f"constants = {constants!r}: choose one of {', '.join(CONSTANTS)}")
+    choice("constants", constants, CONSTANTS)
     form = Form(stepper, name, constants == "struct", flag("libm", libm))
     form.units  # noqa: B018  what cannot be written is refused before any file is
     return form
@@ -151,6 +153,15 @@ def form_of(stepper: Stepper, name: str, constants: str, libm: bool) -> Form:
 
 def _double(tree: Any) -> Any:
     return map_tensors(lambda x: x.double() if x.is_floating_point() else x, tree)
+
+
+def check_name(name: object) -> None:
+    """Raise `KindError` or `ConfigError` for what is no name of files and C functions."""
+    text = instance("name", name, str)
+    if not re.fullmatch(r"[a-z][a-z0-9_]{0,40}", text) or text in _WORDS:
+        raise ConfigError(
+            f"name = {text!r}: must be a C identifier of small letters, digits and _, 41 at most"
+        )
 
 
 def _traced(make: Any) -> Program:

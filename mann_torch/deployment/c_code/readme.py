@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
+
+from torch import Tensor
 
 from ...types import Channel
 from .form import Field, Form
@@ -17,6 +19,8 @@ SYMBOLS = {
     "mu": "mu", "keys": "k", "initial_V": "V(0)", "initial_b_v": "b_v(0)", "initial_mu": "mu(0)",
     "initial_keys": "k(0)",
 }  # fmt: skip
+#: Numbers of a constant that are shown.
+_FEW = 4
 #: Of what is kept, by the first part of its path.
 _KINDS = {
     "input": "command in force",
@@ -35,8 +39,9 @@ class Measured(NamedTuple):
 
     compiler: str
     code: int
+    constants: int
     data: int
-    stack: int  # of the deepest function alone
+    stack: int
 
 
 _TEXT = """# {title}
@@ -108,9 +113,9 @@ sanitizers. By hand:
     cc -O2 {flags} -c {name}.c
 
 - `-ffp-contract=off`: the text says where products and sums are fused. On a machine with fused
-  multiply-add ({native}) the numbers are those of Python to the bit; without, sums of
-  products are rounded twice, and only where an elementary function needs a product's error it is
-  computed: the numbers agree to rounding.
+  multiply-add ({native}) a step from the same state is
+  Python's to the bit; without, sums of products are rounded twice, and only where an elementary
+  function needs a product's error it is computed: the numbers agree to rounding.
 - {libm_text}
 - `-ffast-math` is refused. Shifting a negative integer to the right must keep its sign, as gcc's
   and clang's does.
@@ -135,7 +140,7 @@ def readme(form: Form, steps: int, measured: Sequence[Measured] = ()) -> str:
         R=len(ports.reference), Y=len(ports.measurement), M=len(ports.input),
         references=_channels(ports.reference), measurements=_channels(ports.measurement),
         inputs=_channels(ports.input), F=form.size("f"), K=form.size("k"),
-        state=_rows(form.state, form), constants=_rows(form.constants, None),
+        state=_rows(form.state, form), constants=_rows(form.constants, None, form.stepper.values),
         constants_text=_constants_text(form), steps=steps, flags=" ".join(FLAGS),
         native="x86: `-mfma` or `-march=native`; aarch64: always",
         libm_text=_LIBM[form.libm], measured=_measured(measured),
@@ -149,11 +154,13 @@ def _channels(channels: Sequence[Channel]) -> str:
     )
 
 
-def _rows(fields: Sequence[Field], form: Form | None) -> str:
-    """A table of tensors and their places."""
-    state = form is not None
+def _rows(
+    fields: Sequence[Field], form: Form | None, values: Mapping[str, Tensor] | None = None
+) -> str:
+    """A table of tensors and their places in the state of a form, or their values."""
+    values, state = values or {}, form is not None
     head = "| place | offset | what | shape | symbol |" if state else (
-        "| what | name in C | shape | symbol |"
+        "| what | name in C | shape | exported with | symbol |"
     )  # fmt: skip
     lines = [head, "|---" * (head.count("|") - 1) + "|"]
     for field in fields:
@@ -162,6 +169,8 @@ def _rows(fields: Sequence[Field], form: Form | None) -> str:
         shape = " x ".join(map(str, field.shape)) or "1"
         symbol = SYMBOLS.get(field.path.split(".")[-1], "")
         if form is not None:
+            own = field.path.startswith(("controller.", "mode."))
+            symbol = symbol if own else ""
             macro = f"{form.name.upper()}_{field.array.upper()}_{field.name}"
             kind = _KINDS.get(field.path.split(".")[0], "")
             lines.append(
@@ -169,7 +178,9 @@ def _rows(fields: Sequence[Field], form: Form | None) -> str:
                 f"| {symbol} |"
             )
         else:
-            lines.append(f"| {field.path} | `{field.name}` | {shape} | {symbol} |")
+            few = ", ".join(f"{float(v):.9g}" for v in values[field.path].reshape(-1)[: _FEW + 1])
+            value = few if field.size <= _FEW else "..."
+            lines.append(f"| {field.path} | `{field.name}` | {shape} | {value} | {symbol} |")
     return "\n".join(lines)
 
 
@@ -189,7 +200,10 @@ def _constants_text(form: Form) -> str:
 def _measured(found: Sequence[Measured]) -> str:
     if not found:
         return ""
-    lines = ["", "| compiler | code [bytes] | data [bytes] | stack of a step [bytes] |",
-             "|---|---|---|---|"]  # fmt: skip
-    lines += [f"| {m.compiler} | {m.code} | {m.data} | {m.stack} |" for m in found]
+    lines = [
+        "\nIn bytes, measured when it was written:\n",
+        "| compiler | code | constants | data | stack of a step |",
+        "|---|---|---|---|---|",
+        *(f"| {m.compiler} | {m.code} | {m.constants} | {m.data} | {m.stack} |" for m in found),
+    ]
     return "\n".join(lines) + "\n"

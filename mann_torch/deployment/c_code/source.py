@@ -117,7 +117,7 @@ def source(form: Form) -> str:
     for place, text in places.items():
         around = around.replace(place, text)
     head = f'{TITLE}{form.title}\n#include "{name}.h"\n'
-    body = c99_file(form.units, f"{name}_", form.libm)
+    body = c99_file(form.units, f"{name}_m_", form.libm)
     return "\n".join([head, _constants(form), body, around.replace("@", name)])
 
 
