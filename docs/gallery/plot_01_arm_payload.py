@@ -4,9 +4,9 @@ An arm that picks up a payload
 
 A two-link arm swings, and both masses double for a while (grey), as where a load is taken and put
 down. A network of ten neurons learns the torques online; beside it the same with a working memory
-of five slots whose read h_o is added to the features: τ = W'(σ(V'x̃) + h_o) + K r + ..., of
-"Improved Attention Models for Memory Augmented Neural Network Adaptive Controllers". Left: the arm
-every 0.1 s of half a swing, the load on it. Right: what the load does to the error.
+of five slots whose read h_o is added to the features, ``τ = W'(σ(V'x̃) + h_o) + ...``, of "Improved
+Attention Models for Memory Augmented Neural Network Adaptive Controllers". Left: the arm every 0.1
+s of half a swing, the load on it. Right: what the load does to the error.
 """
 
 import matplotlib.pyplot as plt

@@ -3,10 +3,10 @@ Attention at work
 =================
 
 What the memory of the first example does. Top: the slot that is read, one of five; attention takes
-the nearest, argmin_i |σ - μ_i|, and while slots are unused a new one begins (red) where none is
-nearer than θ. Middle: the contents of all slots, dμ/dt = w_r (c_w σ + W h_e' - μ), which only the
-slot that is read changes (it may be for less than a pixel). Bottom: the error. Dotted: the arm's
-masses jump.
+the nearest, ``argmin_i |σ - μ_i|``, and while slots are unused a new one begins (red) where none is
+nearer than θ. Middle: the contents of all slots, ``dμ/dt = w_r (c_w σ + W h_e' - μ)``, which only
+the slot that is read changes (it may be for less than a pixel). Bottom: the error. Dotted: the
+arm's masses jump.
 """
 
 import matplotlib.pyplot as plt

@@ -5,7 +5,8 @@ Tuning along a Pareto front
 Every constant of a controller has a gradient through the whole rollout, so that tracking can be
 bought as cheaply as possible: least SRMSE under a limit on what the motors feel, the RMS rate of
 the torque, with noise on all that is measured. Grey: 600 random settings of four constants, rolled
-out as one batch. Each line is one tuner on its way from the defaults (black) to its own limit.
+out as one batch. Each line is one tuner on its way from the defaults (black) under a limit of its
+own.
 """
 
 import matplotlib.pyplot as plt

@@ -6,7 +6,7 @@ Left: what a tuner sees of two constants, Λ and k_v: tracking error plus half t
 both relative to the defaults (dot). Arrows are downhill, by backpropagation through each rollout.
 Right: where a gradient has to be read with care. Under hard attention the slots that are read
 depend on c_w, and the error jumps from branch to branch: the plain slope is that of the branch it
-is on, `smoothed` that of a straight line through what lies within ± 13 %.
+is on, ``smoothed`` that of a straight line through what lies within ± 13 %.
 """
 
 import matplotlib.pyplot as plt

@@ -2,10 +2,11 @@
 Wing rock, and learning from stored data
 ========================================
 
-The roll of a slender delta wing, x'' = u + W*'φ(x), follows a model of second order. MRAC, dŴ/dt =
-Γ φ e'PB, cancels the moment but never learns it: after the commands' steps little excites it. With
-twenty recorded points replayed at every instant the same law finds all six weights. Chowdhary and
-Johnson 2010, Concurrent learning for convergence in adaptive control.
+The roll of a slender delta wing, ``x'' = u + W*'φ(x)``, is to follow a model of second order. MRAC,
+``dW/dt = Γ φ e'PB``, keeps the error small and learns little of the moment: a few steps of the
+command do not excite it. With twenty recorded points replayed at every instant the same law finds
+all six weights, and no step disturbs it any more. Chowdhary and Johnson 2010, Concurrent learning
+for convergence in adaptive control.
 """
 
 import matplotlib.pyplot as plt
@@ -44,7 +45,7 @@ for name, law in laws.items():
     distance = (estimates - torch.tensor(CHOWDHARY_JOHNSON)).norm(dim=-1)
     right.semilogy(run.sample_t, distance, label=name)
     print(f"{name}: |W - W*| = {distance[-1]:.2e} after 60 s")
-left.set(xlabel="t [s]", ylabel="roll error [mrad]", ylim=(-150, 150))
+left.set(xlabel="t [s]", ylabel="roll error [mrad]", ylim=(-130, 60))
 right.set(xlabel="t [s]", ylabel="$|W - W^*|$ [1/s²]")
 left.legend()
 plt.show()

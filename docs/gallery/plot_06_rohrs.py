@@ -2,10 +2,11 @@
 Rohrs' counterexample
 =====================
 
-MRAC that is proved for a plant of first order, 2/(s + 1), meets one with two fast poles that nobody
-modelled, 229/(s² + 30 s + 229). The sine in the command excites them where the phase is -180
-degrees: the gain k_y drifts until the loop is unstable, and the output bursts. A leak, -σ θ, holds
-it. Rohrs, Valavani, Athans and Stein 1985; Ioannou and Kokotović 1983.
+MRAC that is proved for a plant of first order, ``2/(s + 1)``, meets one with two fast poles that
+nobody modelled, ``229/(s² + 30 s + 229)``. The sine in the command excites them where the phase is
+-180 degrees: the gain k_y drifts until the loop is unstable, and the output bursts. A leak, ``-σ
+θ``, or a bound on the gains holds it. Rohrs, Valavani, Athans and Stein 1985; Ioannou and Kokotović
+1983.
 """
 
 import matplotlib.pyplot as plt

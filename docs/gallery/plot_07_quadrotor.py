@@ -3,8 +3,8 @@ A quadrotor in wind
 ===================
 
 A planar quadrotor flies a loop in a wind that its controller does not know of. With one constant
-feature, u = ... + W, adaptation is integral action. With W'tanh(V_2 tanh(V_1 z)), z = (q, dq/dt),
-it can learn the air's drag, the better the more its features are made for it: Adam moves V, by
+feature adaptation is integral action. With ``W'tanh(V_2 tanh(V_1 z))``, z = (q, dq/dt), it can
+learn the air's drag, the better the more its features are made for it: Adam moves V, by
 backpropagation through whole flights in six winds of 1 to 6 m/s (grey). Richards, Azizan, Slotine
 and Pavone 2021, Adaptive-control-oriented meta-learning, arXiv 2103.04490.
 """

@@ -2,10 +2,10 @@
 L1 adaptive control: scaled responses
 =====================================
 
-A plant that is unstable in truth, x' = A_m x + b(u + θ'x) with θ = (4, -4.5), is to follow steps.
-L1 adaptive control adapts fast and filters its input by C(s) = ω_c/(s + ω_c): the responses are
-scaled copies of one another, as a linear system's would be. MRAC's are not: its transient depends
-on how large the step is. Hovakimyan and Cao 2010, L1 Adaptive Control Theory.
+A plant that is unstable in truth, ``x' = A_m x + b(u + θ'x)`` with θ = (4, -4.5), is to follow
+steps. L1 adaptive control adapts fast and filters its input by ``C(s) = ω_c/(s + ω_c)``: the
+responses are scaled copies of one another, as a linear system's would be. MRAC's are not: its
+transient depends on how large the step is. Hovakimyan and Cao 2010, L1 Adaptive Control Theory.
 """
 
 import matplotlib.pyplot as plt

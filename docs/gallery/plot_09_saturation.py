@@ -1,11 +1,12 @@
-"""
+r"""
 An input that saturates
 =======================
 
-x' = x + sat(u) with |u| ≤ 10 can be held only where |x| < 10, and this plant starts at -9.99. The
-plain law takes the error that the limit makes for one of its own and winds its gain up; the
-augmented error, e = x_m + e_d - x, takes from the law what the limit did, and the plant is brought
-back. Karason and Annaswamy 1994, Adaptive control in the presence of input constraints.
+``x' = x + sat(u)`` with \|u\| ≤ 10 can be held only where \|x\| < 10, and this plant starts at
+-9.99. The plain law takes the error that the limit makes for one of its own and winds its gain up;
+with the augmented error, ``e = x_m + e_d - x``, what the limit did is taken from the law, the gain
+stays, and the plant comes back to its model. Karason and Annaswamy 1994, Adaptive control in the
+presence of input constraints.
 """
 
 import matplotlib.pyplot as plt

@@ -2,11 +2,11 @@
 What a delay costs
 ==================
 
-Fast adaptation against late measurements. The textbook's MRAC of one state, x' = -x + u/2 after
-x_m' = -2 x_m + 2 r, is run with 60 adaptation gains side by side, once for each delay of its
-sensor. Without a delay the error falls with the gain; with one there is a gain from where on the
-loop oscillates, and a margin that shrinks with the gain: the case for L1 or for tuning with the
-delay in the loop. Åström and Wittenmark 1995, example 5.7, with a sensor.
+Fast adaptation against late measurements. The textbook's MRAC of one state, ``x' = -x + u/2`` after
+``x_m' = -2 x_m + 2 r``, is run with 60 adaptation gains side by side, once for each delay of a
+sensor that samples at 20 Hz. The error falls with the gain up to where the loop begins to ring; the
+longer the delay, the sooner. A curve ends where the loop diverges. Åström and Wittenmark 1995,
+Adaptive Control, example 5.7, with a sensor.
 """
 
 import matplotlib.pyplot as plt

@@ -1,11 +1,12 @@
-"""
+r"""
 A law of one's own
 ==================
 
 Noise keeps the estimates of the plain gradient law moving: they chase what no estimate can take
-away. The usual remedy is a dead zone, which learns nothing where |s| < d; this one is smooth, a
-gate that lets through the share s²/(s² + d²) of every error. It takes nine lines, is put through
-`check_law`, and is compiled with the rest of the loop. Plant: x' = x + u, after x_m' = -x_m + r.
+away. The usual remedy is a dead zone, which learns nothing where \|s\| < d; this one is smooth, a
+gate that lets through the share ``s²/(s² + d²)`` of every error. It takes nine lines, is put
+through ``check_law``, and is compiled with the rest of the loop. Plant: ``x' = x + u``, after
+``x_m' = -x_m + r``.
 """
 
 import matplotlib.pyplot as plt

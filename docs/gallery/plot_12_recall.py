@@ -3,9 +3,9 @@ Recall from a working memory
 ============================
 
 Five pairs of a key and a value are shown, then each key alone: which value came with it? The memory
-cell learns it in some hundred iterations; an LSTM of about as many parameters gets stuck at the
-value that was shown most often. Left: accuracy on the way, on batches not seen before. Right: the
-slots that are read at the five questions of a new sequence, and where the pair was written (cross).
+cell learns it in some hundred iterations; an LSTM of about as many parameters does not in these
+300. Left: accuracy on the way, on batches not seen before. Right: the slots that are read at the
+five questions of a new sequence, and the slot that was written when the pair was shown (cross).
 """
 
 import matplotlib.pyplot as plt

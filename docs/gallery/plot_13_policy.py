@@ -6,7 +6,7 @@ A pendulum whose motor is too weak to lift it has to swing itself up. The plant 
 environment, 256 of them in a batch, and a network of 41 weights, (sin q, cos q, dq/dt) to torque,
 is trained by the cross-entropy method (Mannor, Rubinstein and Gat 2003): every pendulum gets
 weights of its own, and the best 25 say where the next generation's are drawn. Left: returns, the
-sum of -cos q over the steps. Right: the best of three generations.
+sum of ``-cos q`` over the steps. Right: the best of three generations.
 """
 
 import matplotlib.pyplot as plt
@@ -42,15 +42,15 @@ def episode(weights):
 random = np.random.default_rng(0)
 mean, spread, returns = np.zeros(41), 2.0 * np.ones(41), []
 figure, (left, right) = plt.subplots(1, 2, figsize=(6.4, 2.8))
-for generation in range(1, 41):
+for generation in range(1, 31):
     weights = mean + spread * random.standard_normal((N, 41))
     angles, total = episode(weights)
     order = total.argsort()
     mean, spread = weights[order[-25:]].mean(0), weights[order[-25:]].std(0) + 0.02
     returns.append(total[order[[N // 2, -25, -1]]])
-    if generation in (1, 10, 40):
+    if generation in (1, 10, 30):
         right.plot(0.05 * np.arange(STEPS), angles[:, order[-1]], label=f"generation {generation}")
-left.plot(np.arange(1, 41), returns, label=["median", "25th best", "best"])
+left.plot(np.arange(1, 31), returns, label=["median", "25th best", "best"])
 left.set(xlabel="generation", ylabel="return")
 left.legend(loc="lower right")
 right.axhline(np.pi, color="k", lw=0.8, ls="--", label="upright")

@@ -2,11 +2,11 @@
 Deployment in MuJoCo
 ====================
 
-The controller leaves the simulator it was made in: `deploy` makes one discrete step of it, at 1
+The controller leaves the simulator it was made in: ``deploy`` makes one discrete step of it, at 1
 kHz, and that step drives the arm in MuJoCo, whose equations are written by somebody else. A hand
 takes 2 kg at 5 s and puts them down at 12 s (grey). Top: the joints' errors there (lines) and in
-our rollout with a clock of that period (dots). Bottom: the difference of the two, with MuJoCo's
-integrators.
+our rollout with a clock of that period (dots). Bottom: how far the two are apart, with two of
+MuJoCo's integrators.
 """
 
 import matplotlib.pyplot as plt

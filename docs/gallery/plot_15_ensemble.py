@@ -2,10 +2,10 @@
 Ten thousand runs
 =================
 
-The same controller on 10,000 arms: masses 30 % apart, lengths 15 %, every run with initial weights
-of its own, and a payload of up to 3 kg at 6 s. One call, one batch, spread over the cores; a run's
-bits depend on neither. Left: the error's quantiles over time. Right: how the runs' errors are
-spread, with and without the working memory.
+The same controller on 10,000 arms: masses spread by 30 %, lengths by 15 %, every run with initial
+weights of its own, and a payload of up to 3 kg at 6 s. One call, one batch, spread over the cores;
+a run's bits depend on neither. Left and middle: quantiles of the error over time. Right: how the
+runs' errors are spread, without and with the working memory.
 """
 
 import matplotlib.pyplot as plt
@@ -45,9 +45,9 @@ for k, (name, part) in enumerate({"network alone": None, "with memory": memory}.
     axes[k].semilogy(run.t, middle, color=f"C{k}", lw=0.8, label="median")
     axes[k].set(title=name, xlabel="t [s]", ylim=(0.3, 1000))
     error = 1e3 * mt.srmse(run, after=6.0).norm(dim=-1)
-    axes[2].hist(error, bins=torch.logspace(0.8, 1.8, 60), histtype="step", label=name)
+    axes[2].hist(error, bins=torch.linspace(0, 50, 51), histtype="step", label=name)
 axes[0].set_ylabel("|e| [mrad]")
 axes[0].legend(loc="upper right")
-axes[2].set(xscale="log", xlabel="SRMSE after 6 s [mrad]", ylabel="runs", ylim=(0, 1200))
+axes[2].set(xlabel="SRMSE after 6 s [mrad]", ylabel="runs", ylim=(0, 1400))
 axes[2].legend()
 plt.show()
