@@ -35,7 +35,7 @@ test: lint
 
 # The site, every cell and every example of the gallery run: docs/_build/html/index.html.
 docs: install
-	$(PY) -m sphinx -j 2 -W --keep-going -q -b html docs docs/_build/html $(ARGS)
+	$(PY) -m sphinx -E -j 2 -W --keep-going -q -b html docs docs/_build/html $(ARGS)
 	@echo "open docs/_build/html/index.html"
 
 # The slow checks too: torchdiffeq over 20 s, golden numbers at 1 ms.

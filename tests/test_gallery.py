@@ -13,7 +13,7 @@ EXAMPLES = sorted((ROOT / "docs" / "gallery").glob("plot_*.py"))
 #: A line of code is neither empty, nor a comment, nor a docstring's.
 MOST_LINES = 40
 
-#: Runs one example and prints how many figures it leaves, and how many curves or pixels are in them.
+#: Runs one example and prints how many figures it leaves, and what is in them: curves or pixels.
 _RUN = """
 import runpy, sys
 import matplotlib

@@ -12,6 +12,7 @@ from tests.site.pages import ROOT, Block, blocks, pages
 TESTS = {
     path.relative_to(ROOT).as_posix(): path.read_text()
     for path in sorted((ROOT / "tests").rglob("test_*.py"))
+    if path.name != "test_blocks.py"
 }
 #: What shows something and runs nothing.
 SHOWN = ("text", "")
@@ -26,11 +27,12 @@ def runners(page: str) -> list[str]:
     """The tests that run a page's Python, or compile what else it shows."""
     runs = re.compile(r"\b(executed|exec|text_of)\(")
     named = page if page != "README.md" else "README"
+    folder = f'executed(f"{page.rpartition("/")[0]}/{{' if "/" in page else "\0"
+    quoted = re.compile(rf"[\"']{re.escape(named)}[\"']|\b{re.escape(named)}\b =")
     return [
         name
         for name, text in TESTS.items()
-        if re.search(rf"[\"']{re.escape(named)}[\"']|\b{re.escape(named)}\b =", text)
-        and runs.search(text)
+        if folder in text or (quoted.search(text) and runs.search(text))
     ]
 
 
@@ -71,6 +73,6 @@ def test_commands_are_marked_as_commands() -> None:
 
 def test_a_block_that_nobody_runs_is_found() -> None:
     assert who_runs(Block("nowhere.md", 1, "python", "1")) is None
-    assert who_runs(Block("index.md", 1, "{code-cell} ipython3", "1")) is None
+    assert who_runs(Block("memory.md", 1, "{code-cell}", "1")) is None
     with pytest.raises(tomllib.TOMLDecodeError):
         who_runs(Block("nowhere.md", 1, "toml", "a ="))

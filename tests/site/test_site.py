@@ -45,7 +45,18 @@ class Page(HTMLParser):
 
 
 def test_the_site_builds_without_a_warning_and_its_links_resolve() -> None:
-    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html", *QUICK]
+    command = [
+        sys.executable,
+        "-m",
+        "sphinx",
+        "-q",
+        "-E",
+        "-W",
+        "--keep-going",
+        "-b",
+        "html",
+        *QUICK,
+    ]
     built = subprocess.run([*command, DOCS, OUT], cwd=ROOT, capture_output=True, text=True)
     assert built.returncode == 0, built.stderr
     found = {path: Page(path) for path in OUT.rglob("*.html") if "_static" not in path.parts}
