@@ -277,23 +277,6 @@ def missing_reference(app: Sphinx, env: Any, node: pending_xref, content: Any) -
     return domain.resolve_xref(env, node["refdoc"], app.builder, "obj", place, node, content)
 
 
-#: What an example of the gallery says of itself: from below its title to its code.
-_SAID = re.compile(r"(?<=\n)(?P<title>[^\n]+\n=+\n\n)(?P<text>.*?)(?=\n\.\. GENERATED FROM)", re.S)
-
-
-def gallery_text(app: Sphinx, name: str, source: list[str]) -> None:
-    """The text of an example is plain, as docstrings are."""
-    if name.startswith("auto_gallery/plot_"):
-        resolve = resolver(_known_elsewhere(app), None)
-        source[0] = _SAID.sub(
-            lambda said: (
-                said["title"] + "\n".join(restructured(said["text"].split("\n"), resolve)) + "\n"
-            ),
-            source[0],
-            count=1,
-        )
-
-
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect it all."""
     app.add_config_value("foreign_names", [], "")
@@ -301,6 +284,5 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("autodoc-process-docstring", process_docstring)
     app.connect("autodoc-process-signature", process_signature)
     app.connect("autodoc-skip-member", skip_member)
-    app.connect("source-read", gallery_text)
     app.connect("missing-reference", missing_reference)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
