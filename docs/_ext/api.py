@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import ast
 import inspect
 import re
-import textwrap
 from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from fields import fields_of, shown_fields
 from prose import inline, restructured
 from public import PACKAGES, Public, comment_of, everything, homes, members_of
 from sphinx.addnodes import pending_xref
@@ -45,7 +44,7 @@ def _members(thing: type) -> set[str]:
     own = {n for n, v in vars(thing).items() if inspect.isfunction(v) or isinstance(v, kinds)}
     commented = ModuleAnalyzer.for_module(thing.__module__).find_attr_docs()
     own |= {name for owner, name in commented if owner == thing.__qualname__}
-    return {name for name in own if name[0] != "_"} | set(_fields_of(thing))
+    return {name for name in own if name[0] != "_"} | set(fields_of(thing))
 
 
 def resolver(known: set[str], within: Public | None) -> Any:
@@ -172,48 +171,6 @@ def _known_elsewhere(app: Sphinx) -> set[str]:
     return set(app.config.foreign_names)
 
 
-def _fields_of(thing: Any) -> dict[str, tuple[str, str]]:
-    """Type and comment of each field of a NamedTuple or dataclass, as its source has them."""
-    if not isinstance(thing, type) or not (
-        hasattr(thing, "_fields") or hasattr(thing, "__dataclass_fields__")
-    ):
-        return {}
-    try:
-        source = textwrap.dedent(inspect.getsource(thing))
-    except (OSError, TypeError):
-        return {}
-    rows = source.split("\n")
-    (tree,) = (n for n in ast.parse(source).body if isinstance(n, ast.ClassDef))
-    found = {}
-    for node in tree.body:
-        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-            name = node.target.id
-            if name.startswith("_"):
-                continue
-            after = rows[node.end_lineno - 1][node.end_col_offset :].strip()  # type: ignore[operator]
-            comment = after.lstrip("#: ") if after.startswith("#") else ""
-            above = node.lineno - 2
-            while not comment and above >= 0 and rows[above].strip().startswith("#:"):
-                above -= 1
-            if not comment:
-                told = rows[above + 1 : node.lineno - 1]
-                comment = " ".join(row.strip().removeprefix("#:").strip() for row in told)
-            found[name] = (ast.unparse(node.annotation), comment)
-    return found
-
-
-def _shown_fields(thing: Any, resolve: Any) -> list[str]:
-    made: list[str] = []
-    commented = ModuleAnalyzer.for_module(thing.__module__).find_attr_docs()
-    for name, (kind, comment) in _fields_of(thing).items():
-        if (thing.__qualname__, name) in commented and not hasattr(thing, "_fields"):
-            continue  # autodoc shows it
-        made += [f".. py:attribute:: {name}", f"   :type: {kind}", "   :no-contents-entry:", ""]
-        if comment:
-            made += [f"   {row}" for row in inline(comment, resolve).split("\n")] + [""]
-    return made
-
-
 def process_docstring(
     app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]
 ) -> None:
@@ -231,7 +188,7 @@ def process_docstring(
         lines[:] = []  # a dataclass's made-up docstring: its signature
     lines[:] = restructured(list(lines), resolve)
     if what in ("class", "exception"):
-        lines += _shown_fields(thing, resolve)
+        lines += shown_fields(thing, resolve)
 
 
 def skip_member(
