@@ -6,6 +6,8 @@ Names are imported when they are first used: `import mann_torch.memory` loads th
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from .version import __version__ as __version__
+
 if TYPE_CHECKING:
     from .control import (
         AdaptiveNetwork,

@@ -11,6 +11,7 @@ from torch import Tensor
 from .checks import shown, wrong
 from .errors import ConfigError, DtypeError, KindError
 
+#: What stands for float64 numbers of any shape: numbers, rows of them, a tensor.
 Numbers = float | Sequence[float] | Sequence[Sequence[float]] | Tensor
 
 

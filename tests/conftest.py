@@ -10,7 +10,9 @@ import torch
 from torch import Tensor
 
 import mann_torch as mt
+from tests.away import AWAY, NEEDS_CHECKOUT
 
+collect_ignore = list(NEEDS_CHECKOUT) if AWAY else []
 GOLDEN = Path(__file__).parent / "golden"
 CONTROLLERS = (
     "nn",
@@ -21,6 +23,17 @@ CONTROLLERS = (
     "reallocating_initial_state_keys",
     "reallocating_always",
 )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    for line in ("slow: minutes long", "checkout: reads or runs what no wheel has"):
+        config.addinivalue_line("markers", line)  # away there is no pyproject.toml that says so
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items if AWAY else ():
+        if item.get_closest_marker("checkout"):
+            item.add_marker(pytest.mark.skip(reason="needs the checkout"))
 
 
 @pytest.fixture(autouse=True)

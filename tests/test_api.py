@@ -12,14 +12,14 @@ import mann_torch as mt
 import mann_torch.memory
 import mann_torch.tuning
 
-ROOT = Path(__file__).parent.parent
+HOME = Path(mt.__file__).parent
 PACKAGES = {p.__name__: p for p in (mt, mann_torch.memory, mann_torch.tuning)}
 PUBLIC = [(p, n) for p, package in PACKAGES.items() for n in package.__all__]
 
 
 def imported_for_type_checkers() -> set[str]:
     """The names in the block that mypy and editors read."""
-    tree = ast.parse((ROOT / "mann_torch" / "__init__.py").read_text())
+    tree = ast.parse((HOME / "__init__.py").read_text())
     (block,) = (node for node in tree.body if isinstance(node, ast.If))
     return {a.name for node in block.body if isinstance(node, ast.ImportFrom) for a in node.names}
 
@@ -62,7 +62,7 @@ MADE_OF, ROOM = (
 
 
 def test_nothing_public_of_the_memory_is_missing() -> None:
-    home = ROOT / "mann_torch" / "memory"
+    home = HOME / "memory"
     for path in (p for p in home.rglob("*.py") if ROOM not in p.parts):
         module = ".".join(("mann_torch.memory", *path.relative_to(home).with_suffix("").parts))
         for name, value in vars(sys.modules.get(module, mt)).items():
@@ -87,6 +87,6 @@ def test_a_first_import_finds_each_name_and_refuses_others() -> None:
         "except AttributeError as error: print(error)"
     )
     out = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=HOME.parent
     )
     assert out.stdout.strip() == "module 'mann_torch' has no attribute 'NoSuchName'"

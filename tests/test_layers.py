@@ -9,6 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 BASE = {
+    "version",
     *("errors", "checks", "types", "functional", "domains", "constraints", "trees"),
     *("interface", "stiff", "registry"),
 }
@@ -27,7 +28,8 @@ ALLOWED = {
     "tuning": BASE | {"simulation", "metrics", "statistics"},
     "simulators": BASE
     | {"compiled", "control", "deployment", "plants", "signals", "parts", "simulation"},
-    "testing": BASE | {"memory", "control", "plants", "signals", "parts", "simulation"},
+    "testing": BASE
+    | {"memory", "control", "plants", "signals", "parts", "simulation", "metrics", "deployment"},
 }
 
 

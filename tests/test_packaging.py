@@ -1,5 +1,6 @@
 """The wheel installs only `mann_torch`, and its commands run from anywhere."""
 
+import email
 import os
 import subprocess
 import sys
@@ -7,6 +8,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
+
+from mann_torch.version import __version__
+from tests.away import AWAY, NEEDS_CHECKOUT
 
 ROOT = Path(__file__).parent.parent
 
@@ -59,3 +63,24 @@ def test_the_console_script_runs_from_another_folder(site: Path, tmp_path: Path)
     )
     assert done.returncode == 0, done.stderr
     assert len(list((tmp_path / "logs" / "simulate").glob("*/metrics.json"))) == 1
+
+
+def test_its_metadata_say_version_and_pythons_and_its_types_are_shipped(site: Path) -> None:
+    (told,) = site.glob("mann_torch-*.dist-info/METADATA")
+    metadata = email.message_from_string(told.read_text())
+    assert metadata["Version"] == __version__
+    assert metadata["Requires-Python"] == ">=3.11"
+    assert (site / "mann_torch" / "py.typed").exists()
+
+
+def test_an_installed_library_checks_itself_from_another_folder(site: Path, tmp_path: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": str(site), "PYTHONSAFEPATH": "1"}
+    command = [sys.executable, "-m", "mann_torch.testing"]
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.startswith(f"mann_torch {__version__}, Python")
+
+
+def test_what_is_left_out_away_from_the_checkout_is_here() -> None:
+    assert not AWAY
+    assert all((ROOT / "tests" / name).exists() for name in NEEDS_CHECKOUT)

@@ -1,6 +1,6 @@
 """Parts of one's own, compiled and on the torch engine: see `experiments.benchmark`.
 
-The arm of n links, and the attention of docs/extending.md.
+The arm of n links, and the attention of docs/write/attention.md.
 """
 
 from __future__ import annotations
@@ -64,11 +64,12 @@ def n_link(n: int, batch: int, horizon: float) -> Experiment:
 
 
 def k_nearest(batch: int, horizon: float) -> Experiment:
-    """The paper's arm under the attention that docs/extending.md prints."""
-    page = (ROOT / "docs" / "extending.md").read_text()
-    snippet = re.findall(r"```python\n(.*?)```", page, re.S)[0]
+    """The paper's arm under the attention that docs/write/attention.md prints."""
+    page = (ROOT / "docs" / "write" / "attention.md").read_text()
+    snippets = re.findall(r"```python\n(.*?)```", page, re.S)
+    (snippet,) = (text for text in snippets if "class KNearestAttention" in text)
     names: dict[str, Any] = {}
-    exec(compile(snippet, "docs/extending.md", "exec"), names)
+    exec(compile(snippet, "docs/write/attention.md", "exec"), names)
     memory = mt.WorkingMemory(5, 10, names["KNearestAttention"](k=2))
     # Slots that start alike stay alike: nothing would depend on the temperature.
     spread = torch.randn(5, 10, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
@@ -157,8 +158,8 @@ def section() -> Section:
     results = [{**asdict(c), **in_process("parts", asdict(c))} for c in CASES]
     seconds = {c.batch: f"{c.compiled:g} s" for c in CASES}
     text = f"""Written for neither engine: a planar arm of n links (`NLinkArm`) under the paper's
-controller, and the attention that docs/extending.md prints, on the paper's arm. Gradient to all
-constants that have one. us a step and trajectory on one thread, median (and least) of {ROUNDS}
+controller, and the attention that docs/write/attention.md prints, on the paper's arm. Gradient to
+all constants that have one. us a step and trajectory on one thread, median (and least) of {ROUNDS}
 rounds in turns; {Case.torch:g} s are simulated on the torch engine, compiled
 {" and ".join(seconds.values())} (B = 1 and 64).
 

@@ -15,7 +15,17 @@ from ..types import Comparison, MemoryState
 
 
 class KeyRule(Interface, DesignModule):
-    """Interface of a key rule."""
+    """Interface of every key rule. Its contract (`mann_torch.testing.check_key_rule`):
+
+    1. `width` is that of keys with a motion of their own, D >= 0, in a context of C numbers.
+    2. `query_keys` gives a `Comparison`: query (..., K), keys (..., S, K), scale (...,) or ().
+    3. Keys move by `derivative` (..., S, D), a slot of weight 0 not at all. Where `rate` is not 0
+       it is how fast: the derivative falls by as much as a key is farther.
+    4. A fresh slot's key (..., D) moves nowhere in the context that it is written in.
+    5. All are functions of their arguments and of declared constants alone, for any batch at once,
+       decided by `where`, in the arguments' dtype; gradients reach them all. What is compared
+       depends on the context only if it says so (`compares_context`).
+    """
 
     #: Whether the context is read at all.
     compares_context = True

@@ -22,6 +22,15 @@ class Sensor(DesignModule):
     of the number before rounding, the mean slope of the stairs, and the step has none. Noise is a
     scenario's (`MeasurementNoise`): it is added before.
 
+    One of one's own overrides `read`. Its contract (`mann_torch.testing.check_sensor`):
+
+    1. `read` gives readings (..., Y) of what is seen (..., Y): a function of that and of declared
+       constants alone, for any batch at once, decided by `where`, in float64. Gradients go through
+       it, finite; they may be those of a smooth function beside it.
+    2. Of what stands still comes out what is read of it, from t = 0 on.
+    3. A constant with a batch shape gives each sample its own; other tensors are buffers.
+    4. `check_fit` takes the Y numbers that it is for, `samples` the period of a clock.
+
     Raises `ConfigError`, `DomainError`, `ShapeError`, `KindError` or `DtypeError`.
     """
 

@@ -105,8 +105,8 @@ def constants_of(part: nn.Module) -> Iterator[tuple[str, DesignModule, str]]:
                 yield path, module, name
 
 
-def check_constants(tried: Tried, line: int | str) -> None:
-    """Gradients reach every constant, and one with a batch shape gives each sample its own."""
+def check_constants(tried: Tried, line: int | str, gradients: bool = True) -> None:
+    """One with a batch shape gives each sample its own; `gradients`: and they reach it."""
     twin = called(tried.part, line, "a copy of it", lambda: copy.deepcopy(tried.part))
     for path, owner, name in list(constants_of(twin)):
         value = getattr(owner, name).detach()
@@ -128,7 +128,7 @@ def check_constants(tried: Tried, line: int | str) -> None:
         if rows is not None:
             _check_rows(tried, line, shown, rows, result)
         # What is 0 has no proportion to move in.
-        if bool((value != 0).any()):
+        if gradients and bool((value != 0).any()):
             check_slope(tried.part, line, (tried.what, shown), along)
         result(value)
 

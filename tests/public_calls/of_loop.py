@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mann_torch import parts
 from mann_torch.signals import Disturbance, Sinusoid
-from mann_torch.testing import check_model
+from mann_torch.testing import check_model, check_sensor
 from tests.public_calls.things import Call
 
 WAVE = Sinusoid([1.0, 1.0])
@@ -38,6 +38,7 @@ CALLS: dict[str, Call] = {
         parts.LinearModel.first_order,
         {"rate": 2.0, "gain": 1.0, "start": 0.0},
     ),
+    "check_sensor": (check_sensor, {"sensor": parts.Sensor(0.1), "n_measured": 3}),
     "check_model": (check_model, {"model": parts.SecondOrderModel(2, 3.0)}),
     "SecondOrderModel": (
         parts.SecondOrderModel,

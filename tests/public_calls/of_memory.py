@@ -8,7 +8,7 @@ import torch
 
 import mann_torch as mt
 from mann_torch import memory
-from mann_torch.testing import check_attention
+from mann_torch.testing import check_attention, check_key_rule
 from tests.conftest import randn
 from tests.public_calls.things import LOOP, Call
 
@@ -168,6 +168,7 @@ CALLS: dict[str, Call] = {
         check_attention,
         {"attention": mt.HardAttention(), "key_rule": mt.StateKeys()},
     ),
+    "check_key_rule": (check_key_rule, {"rule": mt.StateKeys()}),
     "relaxed": (mt.relaxed, {"module": LOOP, "temperature": 0.1}),
     "memory_figure": (
         mt.memory_figure,

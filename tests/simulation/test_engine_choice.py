@@ -366,6 +366,7 @@ def test_every_controller_is_compiled_from_a_fresh_start_with_every_gradient(nam
     (mt.srmse(run).sum() + mt.input_rate(run).sum()).backward()
 
 
+@pytest.mark.checkout
 def test_slots_that_tie_at_the_start_do_not_send_a_run_to_the_torch_engine(tmp_path: Path) -> None:
     """Of slots that hold the same, rounding decides which is attended: no sign of a wrong step."""
     arguments = ["scenario=5", "controller=soft", "horizon=0.05", "output.tensorboard=false"]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -24,8 +22,7 @@ from mann_torch.types import (
     ReferenceSample,
 )
 from tests.conftest import generator, randn
-
-PAGE = (Path(__file__).parents[2] / "docs" / "extending.md").read_text()
+from tests.pages import part_of
 
 
 class DraggedArm(mt.TwoLinkArm):
@@ -96,10 +93,14 @@ class Heun(Solver):
 
 
 def printed() -> dict[str, Any]:
-    """The attentions and the key rule of docs/extending.md, as printed there."""
+    """The attentions and the key rule of docs/write, as printed there."""
     names: dict[str, Any] = {}
-    for snippet in re.findall(r"```python\n(.*?)```", PAGE, re.S)[:3]:
-        exec(snippet, names)
+    for page, what in (
+        ("attention", "KNearestAttention"),
+        ("attention", "EuclideanAttention"),
+        ("key_rule", "DirectionKeys"),
+    ):
+        exec(part_of(f"write/{page}.md", f"class {what}"), names)
     return names
 
 
@@ -196,7 +197,7 @@ def test_own_parts_run_compiled_and_agree_with_torch(name: str) -> None:
     ],
 )
 def test_events_of_own_parts_are_located_compiled(name: str) -> None:
-    """An attention and a key rule of docs/extending.md; a plant of three joints; one with more."""
+    """An attention and a key rule of docs/write; a plant of three joints; one with more."""
     found = []
     for engine in ("torch", "auto"):
         made, scenario, solver = loop(name)

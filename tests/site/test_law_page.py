@@ -1,4 +1,4 @@
-"""docs/laws.md does what it says: its code runs as printed, compiled, and its table is whole."""
+"""docs/write/law.md does what it says: its code runs as printed, and its table is whole."""
 
 import re
 from typing import Any
@@ -7,26 +7,23 @@ import pytest
 import torch
 from omegaconf import OmegaConf
 
+import mann_torch as mt
 from mann_torch.control import LAW_PARTS, LAWS, AdaptiveLaw, ConstantGain, Drive
 from mann_torch.control.mann import MannController
 from tests.pages import executed, text_of
 
-PAGE = text_of("laws.md")
+PAGE = text_of("write/law.md")
 
 
 @pytest.fixture(scope="module")
 def page() -> dict[str, Any]:
-    return executed("laws.md")
-
-
-def test_every_rollout_is_compiled(page: dict[str, Any]) -> None:
-    for name in ("run", "paper", "beside"):
-        assert page[name].engine == "compiled", page[name].engine_reason
-        assert not bool(page[name].status.any())
+    return executed("write/law.md")
 
 
 def test_the_table_has_every_mechanism_and_law_with_its_constants() -> None:
-    rows = [line for line in PAGE.splitlines() if line.startswith("| `")]
+    rows = [
+        line for line in PAGE.split("## All there is")[1].splitlines() if line.startswith("| `")
+    ]
     told = {re.findall(r"`(\w+)`", row)[0]: row for row in rows}
     known = {kind.__name__: kind for kind in (*LAW_PARTS.values(), *LAWS.values())}
     assert set(told) == set(known) - {"AdaptiveLaw"}
@@ -40,6 +37,12 @@ def test_the_composed_law_finds_what_is_sought(page: dict[str, Any]) -> None:
     assert page["theta"].tolist() == pytest.approx([1.0, 2.0], abs=1e-2)
     for slope in (page["forgetting"].grad, page["learning"].grad):
         assert bool(torch.isfinite(slope).all() and (slope != 0).all())
+
+
+def test_a_leak_costs_error_and_its_slope_says_so(page: dict[str, Any]) -> None:
+    error = mt.srmse(page["leaky"]).sum(-1)
+    assert bool((error[1:] > error[:-1]).all())
+    assert bool((page["leak"].grad > 0).all())
 
 
 def test_ones_own_mechanism_at_zero_is_none(page: dict[str, Any]) -> None:

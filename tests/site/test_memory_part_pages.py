@@ -1,27 +1,24 @@
-"""docs/extending.md does what it says: its code runs as printed and meets the contracts."""
+"""Attentions and key rules of docs/write, as printed there, meet the library's own contracts."""
 
-import contextlib
 import inspect
-import io
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
 
-import mann_torch as mt
-from mann_torch.memory import KEY_RULES
+from mann_torch.memory import KEY_RULES, MemoryCell
+from mann_torch.testing import check_attention
 from tests import conftest
 from tests.contracts import test_cell_contract, test_cell_inputs, test_memory_contract
+from tests.pages import DOCS, executed, part_of, text_of
 
 
 def _args(function: object) -> tuple[str, ...]:
     return tuple(inspect.signature(function).parameters) if callable(function) else ()
 
 
-PAGE = (Path(__file__).parent.parent / "docs" / "extending.md").read_text()
 CHECKS: dict[str, Callable[[str, str], None]] = {
     f"{module.__name__.rsplit('_', 2)[1]}-{name}": check
     for module in (test_memory_contract, test_cell_contract, test_cell_inputs)
@@ -38,13 +35,14 @@ PAIRS = [
 
 @pytest.fixture(scope="module")
 def page() -> dict[str, Any]:
-    """All that the page's snippets define, run in their order."""
+    """All that the two pages define."""
     names: dict[str, Any] = {}
-    torch.manual_seed(0)
-    snippets = re.findall(r"```python\n(.*?)```", PAGE, re.S)
-    assert len(snippets) == 4
-    for snippet in snippets:
-        exec(compile(snippet, "docs/extending.md", "exec"), names)
+    for snippet in (
+        part_of("write/attention.md", "class KNearestAttention"),
+        part_of("write/attention.md", "class EuclideanAttention"),
+        part_of("write/key_rule.md", "class DirectionKeys"),
+    ):
+        exec(compile(snippet, "docs/write", "exec"), names)
     return names
 
 
@@ -65,21 +63,19 @@ def test_the_contract_has_not_shrunk() -> None:
     assert len(CHECKS) >= 22
 
 
-def test_the_page_shows_a_gradient_and_two_slots(page: dict[str, Any]) -> None:
-    slope = page["cell"].memory.attention.temperature.grad
-    assert bool(torch.isfinite(slope)) and float(slope) != 0.0
-    seen = page["cell"].attend(torch.randn(20, 3), page["cell"].initial_state(20))
+def test_two_slots_are_attended(page: dict[str, Any]) -> None:
+    attention, rule = page["KNearestAttention"](k=2), page["DirectionKeys"](key_rate=2.0)
+    cell = MemoryCell(3, 8, 4, attention, rule)
+    seen = cell.attend(torch.randn(20, 3), cell.initial_state(20))
     assert bool(((seen.weights > 0).sum(-1) == 2).all())
-    assert issubclass(page["KNearestAttention"], mt.Attention)
+
+
+@pytest.mark.parametrize("name", ["KNearestAttention", "EuclideanAttention"])
+def test_each_attention_keeps_its_contract(page: dict[str, Any], name: str) -> None:
+    check_attention(page[name](), page["DirectionKeys"]())
 
 
 def test_the_memory_pages_ode_is_one_step_of_the_cell() -> None:
-    page = (Path(__file__).parent.parent / "docs" / "memory.md").read_text()
-    (snippet,) = re.findall(r"```python\n(.*?)```", page, re.S)
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        exec(compile(snippet, "docs/memory.md", "exec"), {})
-    assert 0.0 <= float(printed.getvalue()) < 1e-6
-    pictures = re.findall(r"!\[[^]]*\]\(([^)]+)\)", page)
-    assert len(pictures) >= 2
-    assert all((Path(__file__).parent.parent / "docs" / name).exists() for name in pictures)
+    assert 0.0 <= float(executed("memory.md")["printed"]) < 1e-6
+    pictures = re.findall(r"!\[[^]]*\]\(([^)]+)\)", text_of("memory.md"))
+    assert len(pictures) >= 2 and all((DOCS / name).exists() for name in pictures)
