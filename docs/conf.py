@@ -10,6 +10,9 @@ sys.path.insert(0, str(HERE / "_ext"))
 sys.path.insert(0, str(HERE.parent))
 
 import inventories  # noqa: E402
+import torch  # noqa: E402
+
+torch.set_num_threads(1)  # examples and pages are built side by side
 
 os.environ.pop("MPLBACKEND", None)  # cells show their figures by the notebook's own
 

@@ -244,6 +244,7 @@ def test_a_draw_that_was_lost_is_shown_until_then() -> None:
     assert len(lost.t) == len(lost.parameters["masses"]) == 12 and np.isfinite(lost.q).all()
 
 
+@pytest.mark.slow
 def test_a_large_film_loses_frames_and_no_time(monkeypatch: pytest.MonkeyPatch) -> None:
     shown = Film(Arm, moved(TwoLinkArm(), walk(2, 12), ("masses",)), "an arm")
     whole = files.gif_of(shown)
@@ -282,6 +283,7 @@ def ffmpeg(folder: Path, script: str) -> None:
     program.chmod(program.stat().st_mode | stat.S_IXUSR)
 
 
+@pytest.mark.slow
 def test_an_mp4_is_made_by_ffmpeg_whole_or_not_at_all(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

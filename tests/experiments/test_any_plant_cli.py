@@ -38,6 +38,7 @@ def record(folder: Path) -> Any:
     return json.loads((folder / "metrics.json").read_text())
 
 
+@pytest.mark.slow
 def test_a_sweep_over_plants_names_their_outputs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -118,6 +119,7 @@ def test_all_parts_at_once_are_the_loop_that_python_builds(
         assert arrays["mass"].reshape(len(arrays["t"]), -1)[[0, -1], 0].tolist() == [1.0, 1.3]
 
 
+@pytest.mark.slow
 def test_the_papers_controller_has_any_network_under_any_law(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -131,6 +133,7 @@ def test_the_papers_controller_has_any_network_under_any_law(
     assert found["moves"] < 0.95 * found["frozen"] and found["moves"] != found["paper"]
 
 
+@pytest.mark.slow
 def test_tuning_another_plant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert (
@@ -148,6 +151,7 @@ def test_tuning_another_plant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert "| plain | tuned |" in (tmp_path / "run" / "report.md").read_text()
 
 
+@pytest.mark.slow
 def test_gradients_of_another_plant_under_another_controller(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -25,6 +25,7 @@ def columns(text: str) -> set[int]:
     return {line.count("|") for line in text.splitlines() if line.startswith("|")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("engine", "loop"),
     [("eager", "soft"), pytest.param("compiled", PAPER, marks=pytest.mark.slow)],

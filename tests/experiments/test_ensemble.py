@@ -139,6 +139,7 @@ def test_the_worst_alone_is_the_same_over_the_full_horizon(
     assert alone == here
 
 
+@pytest.mark.slow
 def test_neither_chunks_nor_portions_change_a_rollout(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -171,6 +172,7 @@ def test_neither_chunks_nor_portions_change_a_rollout(
     assert "## spread.masses 0.1" in (folder / "both" / "ensemble.md").read_text()
 
 
+@pytest.mark.slow
 def test_finished_chunks_are_not_computed_again(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -258,6 +260,7 @@ def test_any_number_of_outputs_goes_by_name_in_columns_tables_and_pictures(tmp_p
     assert [label[-3:] for label in labels] == ["[m]", "[m]", "ad]"] and "pitch" in labels[2]
 
 
+@pytest.mark.slow
 def test_workers_are_as_many_as_a_launcher_leaves_cores(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -37,6 +37,7 @@ def test_verdicts(mode: tuple[float, float], judge: tuple[float, float], said: s
     assert verdict(Interval(*mode), Interval(*judge)) == said
 
 
+@pytest.mark.slow
 def test_a_report_has_every_mode_constant_and_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

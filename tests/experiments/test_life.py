@@ -140,6 +140,7 @@ def test_a_second_process_on_the_same_folder_is_refused(tmp_path: Path) -> None:
     assert not (folder / "metrics.json").exists()
 
 
+@pytest.mark.slow
 def test_finished_variants_are_not_computed_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -101,6 +101,7 @@ def simulate(place: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 def test_it_runs_compiled_with_what_its_class_takes(place: Path) -> None:
     arguments = ["reference=ramp", "plant=tank", "plant.leak=0.0", "plant.area=4", "horizon=2"]
     done = simulate(place, *arguments, "controller.feedforward=[[4.0]]", "run_dir=run")

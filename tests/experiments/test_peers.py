@@ -136,6 +136,7 @@ def test_a_share_is_one_of_the_tasks_iterations() -> None:
     assert [n_iterations(cfg, "copy", v) for v in ("titans", "lstm", "gru")] == [100, 1200, 400]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("there", [True, False])
 def test_a_short_run_writes_everything_with_titans_or_without(
     there: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

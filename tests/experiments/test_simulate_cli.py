@@ -85,6 +85,7 @@ def hparams_of(folder: Path) -> set[str]:
     return set(HParamsPluginData.FromString(content).session_start_info.hparams)
 
 
+@pytest.mark.slow
 def test_tensorboards_table_holds_what_differs(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -96,6 +97,7 @@ def test_tensorboards_table_holds_what_differs(
         assert hparams_of(named) == identity | {"seed", "solver/dt", "horizon"}
 
 
+@pytest.mark.slow
 def test_tensorboard_shows_soft_attention_as_weights(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -118,6 +120,7 @@ def test_soft_attention_is_drawn_as_weights() -> None:
     assert "attended slot" in middle.get_title()
 
 
+@pytest.mark.slow
 def test_weights_file_gives_the_files_draw(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     common = [WEIGHTS, "controller=nn", "horizon=0.3", "output.figures=false"]
     assert run(monkeypatch, *common, "draws=3", f"run_dir={folder}/all") == 0
@@ -127,6 +130,7 @@ def test_weights_file_gives_the_files_draw(folder: Path, monkeypatch: pytest.Mon
     assert every["srmse"][0] != every["srmse"][1]
 
 
+@pytest.mark.slow
 def test_multirun_runs_the_product(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     arguments = ["-m", "scenario=1,4_offset", "controller=nn,hard", "horizon=0.05"]
     assert run(monkeypatch, *arguments, "output.tensorboard=false", f"run_dir={folder}") == 0
@@ -455,6 +459,7 @@ def test_help_needs_no_torch() -> None:
     assert out.stdout.endswith("False\n") and "scenario=5" in out.stdout
 
 
+@pytest.mark.slow
 def test_a_run_without_pictures_imports_no_plotting(tmp_path: Path) -> None:
     foreign = ("matplotlib", "scipy", "torchdiffeq", "tensorboard")
     quiet = ["horizon=0.02", "output.figures=false", "output.tensorboard=false"]
@@ -484,6 +489,7 @@ def test_a_finished_run_is_skipped_and_never_overwritten(
     assert (folder / "metrics.json").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_sweep_goes_on_where_it_stopped(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -539,7 +545,11 @@ def test_random_bad_values_never_raise_or_leave_a_folder(
     assert not folder.exists()
 
 
-@pytest.mark.parametrize("command", HELP)
+#: One of them is quick enough for every test run.
+_HELP = [pytest.param(c, marks=[] if c == "simulate" else [pytest.mark.slow]) for c in HELP]
+
+
+@pytest.mark.parametrize("command", _HELP)
 def test_help_says_what_for_and_its_examples_compose(
     command: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

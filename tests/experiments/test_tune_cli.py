@@ -99,6 +99,7 @@ def test_constants_of_another_run_are_compared(
     assert [row["candidate"] for row in rows] == ["tuned", "tuned: write_gain, error_gain"]
 
 
+@pytest.mark.slow
 def test_restarts_end_in_a_table_that_tells_the_best(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
