@@ -25,6 +25,18 @@ CONTROLLERS = (
 )
 
 
+#: Cases, by their ids, that only `make check` takes.
+SLOW_CASES = Path(__file__).parent / "slow_cases.txt"
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    slow = set(SLOW_CASES.read_text().splitlines())
+    for item in items:
+        if item.nodeid in slow:
+            item.add_marker(pytest.mark.slow)
+
+
 def pytest_configure(config: pytest.Config) -> None:
     for line in ("slow: minutes long", "checkout: reads or runs what no wheel has"):
         config.addinivalue_line("markers", line)  # away there is no pyproject.toml that says so

@@ -29,7 +29,7 @@ def test_the_pages_loops_are_explained(page: dict[str, Any]) -> None:
     assert found.engine == "compiled" and found.n_state == 136 and found.mode == {}
     assert found.state["V"] == (10, 10) and sum(found.operations.values()) > 100
     assert found.steps_per_second > 10 * page["slow"].steps_per_second > 0
-    (printed,) = re.findall(r"```\n(engine .*?)```", PAGE, re.S)
+    (printed,) = re.findall(r"```(?:text)?\n(engine .*?)```", PAGE, re.S)
     names = [line.split()[0] for line in printed.splitlines()]
     assert names == [line.split()[0] for line in str(found).splitlines()]
 

@@ -73,6 +73,7 @@ def test_its_metadata_say_version_and_pythons_and_its_types_are_shipped(site: Pa
     assert (site / "mann_torch" / "py.typed").exists()
 
 
+@pytest.mark.slow
 def test_an_installed_library_checks_itself_from_another_folder(site: Path, tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(site), "PYTHONSAFEPATH": "1"}
     command = [sys.executable, "-m", "mann_torch.testing"]
