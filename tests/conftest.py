@@ -29,20 +29,17 @@ CONTROLLERS = (
 SLOW_CASES = Path(__file__).parent / "slow_cases.txt"
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    for line in ("slow: minutes long", "checkout: reads or runs what no wheel has"):
+        config.addinivalue_line("markers", line)  # away there is no pyproject.toml that says so
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     slow = set(SLOW_CASES.read_text().splitlines())
     for item in items:
         if item.nodeid in slow:
             item.add_marker(pytest.mark.slow)
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    for line in ("slow: minutes long", "checkout: reads or runs what no wheel has"):
-        config.addinivalue_line("markers", line)  # away there is no pyproject.toml that says so
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items if AWAY else ():
         if item.get_closest_marker("checkout"):
             item.add_marker(pytest.mark.skip(reason="needs the checkout"))
