@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -27,32 +26,15 @@ from ..constraints import held_tensors
 from ..trees import leaves, rebuilt
 from .tick import Kept, Tick
 
+#: (tick, inputs, what is kept and flags) -> the same after it.
+Run = Callable[[Tick, Sequence[Tensor], Sequence[Tensor]], list[Tensor]]
+
 
 class TickStep:
-    """A tick: (reference, measurement and adapt, kept) -> (kept, flags)."""
+    """What a tick does, as a step of one sample: (inputs, kept) -> carry, by `run` of the tick."""
 
-    def __init__(self, tick: Tick, names: Sequence[str], like: Kept) -> None:
-        self._tick, self._names, self._like = frozen(tick), names, like
-
-    def __call__(
-        self,
-        clock: Sequence[Tensor],
-        constants: Sequence[Tensor],
-        segments: Sequence[Tensor],
-        noise: Sequence[Tensor],
-        carry: Sequence[Tensor],
-    ) -> list[Tensor]:
-        """The next carry: what is kept, and flags."""
-        with with_tensors(self._tick, dict(zip(self._names, constants, strict=True))):
-            made = self._tick(*segments, rebuilt(self._like, carry[:-1]))
-        return [*leaves(made.kept), made.flags]
-
-
-class StartStep:
-    """A start: (reference, measurement, anything kept) -> kept."""
-
-    def __init__(self, tick: Tick, names: Sequence[str]) -> None:
-        self._tick, self._names = frozen(tick), names
+    def __init__(self, tick: Tick, names: Sequence[str], run: Run) -> None:
+        self._tick, self._names, self._run = frozen(tick), names, run
 
     def __call__(
         self,
@@ -62,9 +44,9 @@ class StartStep:
         noise: Sequence[Tensor],
         carry: Sequence[Tensor],
     ) -> list[Tensor]:
-        """What is kept."""
+        """The next carry."""
         with with_tensors(self._tick, dict(zip(self._names, constants, strict=True))):
-            return leaves(self._tick.start(segments[0], segments[1]))
+            return self._run(self._tick, segments, carry)
 
 
 def values_of(tick: Tick, dtype: torch.dtype) -> dict[str, Tensor]:
@@ -79,19 +61,23 @@ def step_program(tick: Tick, like: Kept, dtype: torch.dtype) -> tuple[Program, R
     """The tick's program. Raises `UntraceableError`."""
     values = values_of(tick, dtype)
     carry = [*leaves(like), torch.zeros((), dtype=torch.int64)]
-    return _program(
-        tick, "tick", values, [*_inputs(tick, dtype), torch.ones((), dtype=dtype)], carry,
-        lambda: TickStep(tick, list(values), like),
-    )  # fmt: skip
+    inputs = [*_inputs(tick, dtype), torch.ones((), dtype=dtype)]
+
+    def run(tick: Tick, inputs: Sequence[Tensor], carry: Sequence[Tensor]) -> list[Tensor]:
+        made = tick(*inputs, rebuilt(like, carry[:-1]))
+        return [*leaves(made.kept), made.flags]
+
+    return _program(tick, "tick", values, inputs, carry, run)
 
 
 def start_program(tick: Tick, like: Kept) -> tuple[Program, Rows]:
     """The start's, in float64. Raises `UntraceableError`."""
     values = values_of(tick, torch.float64)
-    return _program(
-        tick, "start", values, _inputs(tick, torch.float64), leaves(like),
-        lambda: StartStep(tick, list(values)),
-    )  # fmt: skip
+
+    def run(tick: Tick, inputs: Sequence[Tensor], carry: Sequence[Tensor]) -> list[Tensor]:
+        return leaves(tick.start(inputs[0], inputs[1]))
+
+    return _program(tick, "start", values, _inputs(tick, torch.float64), leaves(like), run)
 
 
 def _inputs(tick: Tick, dtype: torch.dtype) -> list[Tensor]:
@@ -105,7 +91,7 @@ def _program(
     values: Mapping[str, Tensor],
     inputs: Sequence[Tensor],
     carry: Sequence[Tensor],
-    step: Callable[[], Any],
+    run: Run,
 ) -> tuple[Program, Rows]:
     refusal = missing()
     if refusal is not None:
@@ -117,7 +103,7 @@ def _program(
     )
     prints = Fingerprint()
     key = (kind, Tick, prints.of(tick), tuple(tick.ports))
-    return program_of(key, prints, step, rows), rows
+    return program_of(key, prints, lambda: TickStep(tick, list(values), run), rows), rows
 
 
 class CompiledTick:

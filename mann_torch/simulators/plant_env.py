@@ -13,7 +13,7 @@ from ..plants import Plant
 from ..simulation import Solver
 from .episodes import Episodes, Moment
 from .extras import extra
-from .world import Layout, Reward, Tasks, World, inputs_of
+from .world import Reward, Shown, Tasks, World, inputs_of
 
 if TYPE_CHECKING:
     import gymnasium
@@ -21,7 +21,7 @@ else:
     gymnasium = extra("gymnasium")
 
 
-class PlantEnv(gymnasium.Env):
+class PlantEnv(Shown, gymnasium.Env):
     """Any plant that follows a reference, under inputs held over a `period` [s].
 
     An episode is a scenario: its reference, parameters, schedule, disturbance, noise, start and
@@ -75,26 +75,6 @@ class PlantEnv(gymnasium.Env):
         self.action_space = gymnasium.spaces.Box(low, high, dtype=np.float64)
         wide = (len(self.layout.names),)
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, wide, np.float64)
-
-    @property
-    def period(self) -> float:
-        """For which an input is held [s]."""
-        return self._world.period
-
-    @property
-    def engine_reason(self) -> str | None:
-        """Why steps run in eager torch; None where they are compiled, or none was taken yet."""
-        return None if self._episodes is None else self._episodes.steps.obstacle
-
-    @property
-    def layout(self) -> Layout:
-        """Where things are in an observation."""
-        return self._world.layout
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of an observation's numbers."""
-        return self.layout.names
 
     def reset(self, *, seed: int | None = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
         """Begin an episode: observation and info. A seed begins the row of draws anew."""

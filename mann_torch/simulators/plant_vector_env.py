@@ -14,7 +14,7 @@ from ..plants import Plant
 from ..simulation import Solver
 from .episodes import Episodes, Moment
 from .extras import extra
-from .world import Layout, Reward, Tasks, World, inputs_of
+from .world import Reward, Shown, Tasks, World, inputs_of
 
 if TYPE_CHECKING:
     import gymnasium
@@ -23,7 +23,7 @@ else:
 AutoresetMode = gymnasium.vector.AutoresetMode
 
 
-class PlantVectorEnv(gymnasium.vector.VectorEnv):
+class PlantVectorEnv(Shown, gymnasium.vector.VectorEnv):
     """`num_envs` episodes of a `PlantEnv` side by side, each at its own time.
 
     Episode for episode the numbers are those of `num_envs` environments of their own: environment
@@ -64,26 +64,6 @@ class PlantVectorEnv(gymnasium.vector.VectorEnv):
         self.single_observation_space = box(-np.inf, np.inf, (len(self.names),), np.float64)
         self.action_space = batch(self.single_action_space, self.num_envs)
         self.observation_space = batch(self.single_observation_space, self.num_envs)
-
-    @property
-    def period(self) -> float:
-        """For which an input is held [s]."""
-        return self._world.period
-
-    @property
-    def engine_reason(self) -> str | None:
-        """Why steps run in eager torch; None where they are compiled, or none was taken yet."""
-        return None if self._episodes is None else self._episodes.steps.obstacle
-
-    @property
-    def layout(self) -> Layout:
-        """Where things are in an observation."""
-        return self._world.layout
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of an observation's numbers."""
-        return self.layout.names
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Any = None

@@ -173,3 +173,30 @@ def inputs_of(action: Any, shape: tuple[int, ...]) -> Tensor:
     if not np.isfinite(given).all():
         raise ConfigError(f"action = {given.tolist()}: must be finite")
     return torch.from_numpy(given.copy())
+
+
+class Shown:
+    """What both environments show of their world."""
+
+    _world: World
+    _episodes: Episodes | None
+
+    @property
+    def period(self) -> float:
+        """For which an input is held [s]."""
+        return self._world.period
+
+    @property
+    def engine_reason(self) -> str | None:
+        """Why steps run in eager torch; None where they are compiled, or none was taken yet."""
+        return None if self._episodes is None else self._episodes.steps.obstacle
+
+    @property
+    def layout(self) -> Layout:
+        """Where things are in an observation."""
+        return self._world.layout
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of an observation's numbers."""
+        return self.layout.names
