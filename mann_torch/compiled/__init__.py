@@ -12,10 +12,9 @@ from .host.kernels import missing
 from .march.agreement import check_agreement
 from .march.autograd import Marched, march
 from .march.job import Job
-from .march.layout import Layout, Leaf
+from .march.layout import Arguments, Layout, Leaf
 from .march.program import Program
 from .march.rows import Row, Rows, job_of, program_of
-from .march.scope import Arguments
 from .march.single import Single
 from .trace.fingerprint import Fingerprint
 from .trace.frozen import frozen

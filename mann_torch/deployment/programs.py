@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from ..compiled import (
+    Arguments,
     Fingerprint,
     Program,
     Row,
@@ -36,17 +37,10 @@ class TickStep:
     def __init__(self, tick: Tick, names: Sequence[str], run: Run) -> None:
         self._tick, self._names, self._run = frozen(tick), names, run
 
-    def __call__(
-        self,
-        clock: Sequence[Tensor],
-        constants: Sequence[Tensor],
-        segments: Sequence[Tensor],
-        noise: Sequence[Tensor],
-        carry: Sequence[Tensor],
-    ) -> list[Tensor]:
+    def __call__(self, given: Arguments) -> list[Tensor]:
         """The next carry."""
-        with with_tensors(self._tick, dict(zip(self._names, constants, strict=True))):
-            return self._run(self._tick, segments, carry)
+        with with_tensors(self._tick, dict(zip(self._names, given.constants, strict=True))):
+            return self._run(self._tick, given.segments, given.carry)
 
 
 def values_of(tick: Tick, dtype: torch.dtype) -> dict[str, Tensor]:

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ..compiled import (
+    Arguments,
     Fingerprint,
     Program,
     Row,
@@ -56,27 +57,22 @@ class PieceStep:
         self._mode: LoopMode = map_tensors(lambda x: x[0], like.mode)
         self._here = here
 
-    def __call__(
-        self,
-        clock: Sequence[Tensor],
-        constants: Sequence[Tensor],
-        segments: Sequence[Tensor],
-        noise: Sequence[Tensor],
-        carry: Sequence[Tensor],
-    ) -> list[Tensor]:
+    def __call__(self, given: Arguments) -> list[Tensor]:
         """The next carry; a sample that would leave its range stays, and is alive no more."""
         own, outer = self._names
-        first = dict(zip(own, constants[: len(own)], strict=True))
-        second = dict(zip(outer, constants[len(own) :], strict=True))
-        loop, (t, h, limit) = self._loop, segments[0].unbind()
-        moves, sensor, ticks = (x > 0.5 for x in segments[1].unbind())
-        given = iter(segments[2:])
-        span = None if self._here.span is None else Span(*next(given).unbind())
-        measured = None if self._here.noise is None else next(given)
-        coefficients = rebuilt(self._here.coefficients, list(given))
+        first = dict(zip(own, given.constants[: len(own)], strict=True))
+        second = dict(zip(outer, given.constants[len(own) :], strict=True))
+        moment, flags, *more = given.segments
+        loop, (t, h, limit) = self._loop, moment.unbind()
+        moves, sensor, ticks = (x > 0.5 for x in flags.unbind())
+        rest = iter(more)
+        span = None if self._here.span is None else Span(*next(rest).unbind())
+        measured = None if self._here.noise is None else next(rest)
+        coefficients = rebuilt(self._here.coefficients, list(rest))
         here = Conditions(self._signals, coefficients, measured, Ticks(sensor, ticks), span)
         rates = partial(flat_rates, loop, self._packer)
-        y, alive, mode = carry[0], carry[1], rebuilt(self._mode, carry[2:])
+        y, alive, *modes = given.carry
+        mode: LoopMode = rebuilt(self._mode, modes)
         with with_tensors(loop, first), with_tensors(self._signals, second):
             after, then, _ = advance(
                 loop, self._solver, self._packer, rates, False, t, h, y, mode, here

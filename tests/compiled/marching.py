@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from mann_torch.compiled import Job, Layout, Leaf, Program, march
+from mann_torch.compiled import Arguments, Job, Layout, Leaf, Program, march
 from mann_torch.compiled.march.agreement import row_of
 
 #: A function of named tensors of one sample.
@@ -65,12 +65,10 @@ class Together:
         names, first = list(inputs.all), len(inputs.constants)
         count = len(functions)
 
-        def step(
-            clock: list[Tensor], constants: list[Tensor], segments: list[Tensor],
-            noise: list[Tensor], carry: list[Tensor],
-        ) -> list[Tensor]:  # fmt: skip
-            given = dict(zip(names, [*constants, *carry[count:]], strict=True))
-            return [*(f(given) for f in functions), *carry[count:]]
+        def step(given: Arguments) -> list[Tensor]:
+            kept = given.carry[count:]
+            named = dict(zip(names, [*given.constants, *kept], strict=True))
+            return [*(f(named) for f in functions), *kept]
 
         layout = Layout(
             clock=0,

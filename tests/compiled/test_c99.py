@@ -114,17 +114,18 @@ def program_of(step, noise=(), clock=0, width=3) -> Program:
     return Program(step, layout, [*examples, torch.ones(width, dtype=torch.float64)])
 
 
-def noisy(clock, constants, segments, noise, carry) -> list[Tensor]:
-    return [carry[0] + noise[0]]
+def noisy(given) -> list[Tensor]:
+    return [given.carry[0] + given.noise[0]]
 
 
-def timed(clock, constants, segments, noise, carry) -> list[Tensor]:
-    return [carry[0] + clock[0]]
+def timed(given) -> list[Tensor]:
+    return [given.carry[0] + given.clock[0]]
 
 
-def large(clock, constants, segments, noise, carry) -> list[Tensor]:
-    x = torch.outer(carry[0], carry[0])
-    return [torch.linalg.solve(x + torch.eye(len(x), dtype=x.dtype), carry[0])]
+def large(given) -> list[Tensor]:
+    x = given.carry[0]
+    A = torch.outer(x, x)
+    return [torch.linalg.solve(A + torch.eye(len(A), dtype=A.dtype), x)]
 
 
 @pytest.mark.parametrize(
@@ -142,8 +143,9 @@ def test_what_c_cannot_say_is_refused_in_a_line(program, words: str) -> None:
 
 
 def test_the_smallest_integer_has_a_text(tmp_path: Path) -> None:
-    def step(clock, constants, segments, noise, carry) -> list[Tensor]:
-        return [torch.where(torch.tensor([-(2**63), 2**63 - 1]) < 0, carry[0], -carry[0])]
+    def step(given) -> list[Tensor]:
+        (x,) = given.carry
+        return [torch.where(torch.tensor([-(2**63), 2**63 - 1]) < 0, x, -x)]
 
     layout = Layout(0, (), (), (), (Leaf((2,), "i"),), 0, ())
     program = Program(step, layout, [torch.tensor([5, 6])])

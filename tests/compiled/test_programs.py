@@ -33,8 +33,8 @@ def number(*values: float) -> Tensor:
 
 
 def test_constants_nobody_reads_are_left_out() -> None:
-    def step(clock, constants, segments, noise, carry):  # type: ignore[no-untyped-def]
-        return [carry[0] * constants[1] + 0.0 * carry[0].detach()]
+    def step(given):  # type: ignore[no-untyped-def]
+        return [given.carry[0] * given.constants[1] + 0.0 * given.carry[0].detach()]
 
     made = program(step, number(1.0, 2.0), number(3.0, 4.0), number(5.0), carry=number(1.0, 2.0))
     assert made.used == (1,) and made.layout.size("constant") == 2
@@ -42,8 +42,8 @@ def test_constants_nobody_reads_are_left_out() -> None:
 
 
 def test_a_step_that_changes_what_it_carries_is_refused() -> None:
-    def grows(clock, constants, segments, noise, carry):  # type: ignore[no-untyped-def]
-        return [torch.cat([carry[0], carry[0]])]
+    def grows(given):  # type: ignore[no-untyped-def]
+        return [torch.cat([given.carry[0], given.carry[0]])]
 
     with pytest.raises(UntraceableError, match=r"f\(1,\) into f\(2,\)"):
         program(grows, carry=number(1.0))
@@ -52,9 +52,9 @@ def test_a_step_that_changes_what_it_carries_is_refused() -> None:
 def test_a_derivative_that_differs_is_refused_and_remembered() -> None:
     asked: list[float] = []
 
-    def step(clock, constants, segments, noise, carry):  # type: ignore[no-untyped-def]
+    def step(given):  # type: ignore[no-untyped-def]
         asked.append(random.random())
-        x = carry[0]
+        x = given.carry[0]
         return [x * x + asked[-1] * (x - x.detach())]  # a slope that Python draws
 
     made = program(step, carry=number(0.5))
@@ -73,10 +73,10 @@ def test_a_marchs_text_compiles_for_a_gpu(tmp_path: Path) -> None:
     from mann_torch.compiled.host.kernels import missing
     from mann_torch.compiled.host.warp_kernel import declare
 
-    def step(clock, constants, segments, noise, carry):  # type: ignore[no-untyped-def]
-        x = carry[0]
+    def step(given):  # type: ignore[no-untyped-def]
+        x = given.carry[0]
         A = torch.outer(x, x) + torch.eye(3, dtype=x.dtype)
-        chosen = torch.where(x > constants[0], torch.sin(x), torch.exp(-x.square()))
+        chosen = torch.where(x > given.constants[0], torch.sin(x), torch.exp(-x.square()))
         return [x + 0.1 * torch.linalg.solve(A, chosen) * x.sort().values]
 
     assert missing() is None

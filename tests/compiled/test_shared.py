@@ -10,7 +10,15 @@ import pytest
 import torch
 from torch import Tensor
 
-from mann_torch.compiled import Job, Layout, Leaf, Program, UntraceableError, march
+from mann_torch.compiled import (
+    Arguments,
+    Job,
+    Layout,
+    Leaf,
+    Program,
+    UntraceableError,
+    march,
+)
 from mann_torch.compiled.host.kernels import kernel
 from mann_torch.compiled.march.agreement import check_agreement, one_step_job
 from mann_torch.compiled.march.engine import Marcher
@@ -22,11 +30,11 @@ DTYPES = (torch.float64, torch.float32)
 N, M, T = 19, 14, 40
 
 
-def step(clock, constants, segments, noise, carry):  # type: ignore[no-untyped-def]
+def step(given):  # type: ignore[no-untyped-def]
     """A cell with slots: products with W along two dimensions, U only as it is, b added."""
-    W, U, b, own = constants
-    h, slots, count = carry
-    read = torch.softmax(slots @ (W @ segments[0]), 0) @ slots
+    W, U, b, own = given.constants
+    h, slots, count = given.carry
+    read = torch.softmax(slots @ (W @ given.segments[0]), 0) @ slots
     new = torch.tanh(W.T @ h + U * (W.T @ read) + b) * own
     return [torch.sigmoid(W @ new) + 0.1 * h, slots + 0.1 * torch.outer(new[:3], h), count + 1]
 
@@ -115,11 +123,12 @@ def eager(n: Given) -> tuple[Tensor, list[Tensor]]:
     own, x = (t.clone().requires_grad_() for t in (double.own, double.x))
     batch = len(own)
     start = flat([c.double() for c in n.carry[:2]], batch).requires_grad_()
-    each = torch.func.vmap(
-        lambda o, s, h, m: torch.cat(
-            [v.reshape(-1) for v in step([], [*free, o], [s], [], [h, m, torch.zeros(())])[:2]]
-        )
-    )
+
+    def one(o: Tensor, s: Tensor, h: Tensor, m: Tensor) -> Tensor:
+        given = Arguments([], [*free, o], [s], [], [h, m, torch.zeros(())])
+        return torch.cat([v.reshape(-1) for v in step(given)[:2]])
+
+    each = torch.func.vmap(one)
     state, motion = start, [start[:, :N]]
     for t in range(T):
         state = each(own, x[t], state[:, :N], state[:, N:].reshape(batch, 3, N))
@@ -235,4 +244,4 @@ def test_another_precision_is_refused(told: str) -> None:
     layout = Layout(0, (Leaf(()),), (), (), (Leaf((2,)),), 0, ())
     c = torch.tensor(1.0, dtype=torch.float64 if "together" in told else torch.float32)
     with pytest.raises(UntraceableError, match=told):
-        Program(lambda _, c, s, n, carry: [MIXED[told](carry[0]) * c[0]], layout, [c, x])
+        Program(lambda given: [MIXED[told](given.carry[0]) * given.constants[0]], layout, [c, x])

@@ -71,8 +71,8 @@ SOLVE = """
 from mann_torch.compiled import Layout, Leaf, Program
 from mann_torch.compiled.march.agreement import check_agreement
 
-def step(clock, constants, segments, noise, carry):
-    return [torch.linalg.solve(constants[0], carry[0])]
+def step(given):
+    return [torch.linalg.solve(given.constants[0], given.carry[0])]
 
 n = 400
 layout = Layout(0, (Leaf((n, n)),), (), (), (Leaf((n, n)),), 0, ())

@@ -179,8 +179,7 @@ class ToyStep:
     def totals(self, given: Arguments, after: list[Tensor]) -> list[Tensor]:
         return after
 
-    def __call__(self, *arguments: list[Tensor]) -> list[Tensor]:
-        given = Arguments(*arguments)
+    def __call__(self, given: Arguments) -> list[Tensor]:
         toy, y, mode = self._within(given)
         y, mode, met = hybrid_step(toy, *given.clock, y, mode)
         return [y, *mode[:4], given.carry[5] + torch.stack(met), given.carry[6]]

@@ -10,9 +10,9 @@ from torch import Tensor
 
 from ..cpp.plan import Output
 from ..march.kernel_text import Function, KernelText, Sizes, Skeleton, backward_text, forward_text
-from ..march.layout import Layout, Leaf
+from ..march.layout import Arguments, Layout, Leaf
 from ..march.program import Program
-from ..march.scope import Arguments, Back, Own, Piece, Result, carried
+from ..march.scope import Back, Own, Piece, Result, carried
 from ..real import DOUBLE
 from ..trace.telling import UntraceableError
 from .back_text import BACK, room_backward
@@ -55,14 +55,7 @@ class HybridStep(Protocol):
         flow left them.
         """
 
-    def __call__(
-        self,
-        clock: Sequence[Tensor],
-        constants: Sequence[Tensor],
-        segments: Sequence[Tensor],
-        noise: Sequence[Tensor],
-        carry: Sequence[Tensor],
-    ) -> Sequence[Tensor]:
+    def __call__(self, given: Arguments) -> Sequence[Tensor]:
         """The whole step in eager torch, with which the compiled one is compared."""
 
 

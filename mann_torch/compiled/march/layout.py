@@ -16,6 +16,16 @@ from ..graph.nodes import Graph, Node, Shape
 from ..real import DOUBLE, Real
 
 
+class Arguments(NamedTuple):
+    """What a step takes: tensors of one sample, in lists."""
+
+    clock: list[Tensor]
+    constants: list[Tensor]
+    segments: list[Tensor]
+    noise: list[Tensor]
+    carry: list[Tensor]
+
+
 class Leaf(NamedTuple):
     """A tensor of one sample: shape, and kind of element (f, i or b).
 
@@ -51,12 +61,11 @@ class Moved(NamedTuple):
 
 @dataclass(frozen=True)
 class Layout:
-    """The tensors of a step, in the order of its arguments.
+    """The tensors of a step, in the order of its `Arguments`.
 
-    A step is a function of clock, constants, segments, noise and carry, each a list of tensors of
-    one sample, and returns the next carry. Floating leaves of the carry have gradients, others
-    ride along. The first `n_motion` floating numbers of the carry are what is kept as motion; the
-    leaves `watched` are compared with the limit.
+    A step is a function of them and returns the next carry. Floating leaves of the carry have
+    gradients, others ride along. The first `n_motion` floating numbers of the carry are what is
+    kept as motion; the leaves `watched` are compared with the limit.
     """
 
     clock: int  # numbers () that all samples share and each step has of its own: time, size

@@ -14,11 +14,11 @@ from ..cpp.plan import Output
 from ..real import real_of
 from ..trace.tracing import told
 from .kernel_text import Function, KernelText, Sizes, backward_text, forward_text, is_turned
-from .layout import Layout
+from .layout import Arguments, Layout
 from .scope import Back, Piece, Scope, carried
 
-#: (clock, constants, segments, noise, carry) -> carry, each a list of tensors of one sample.
-Step = Callable[..., Sequence[Tensor]]
+#: What a step is to the compiler; it returns the next carry.
+Step = Callable[[Arguments], Sequence[Tensor]]
 
 
 class Program:
@@ -48,11 +48,11 @@ class Program:
 
     def pieces(self) -> list[Piece]:
         """What is traced."""
-        return [Piece(lambda _, given: self._step(*given), carried(self.given))]
+        return [Piece(lambda _, given: self._step(given), carried(self.given))]
 
     def flat_step(self, flat: Sequence[Tensor]) -> Sequence[Tensor]:
         """The step as a function of one list, in eager torch."""
-        return self._step(*self.scope.arguments(flat))
+        return self._step(self.scope.arguments(flat))
 
     def forward(self, lanes: int) -> KernelText:
         """Text of the forward kernel."""

@@ -13,7 +13,7 @@ from ..trace.fingerprint import Fingerprint
 from ..trace.telling import UntraceableError
 from .job import Job
 from .layout import Layout, Leaf
-from .program import Program
+from .program import Program, Step
 
 #: Programs of this process by what they depend on, or why there is none.
 _PROGRAMS: dict[Hashable, tuple[Program | UntraceableError, list[Any]]] = {}
@@ -43,7 +43,7 @@ class Rows(NamedTuple):
 
 
 def program_of(
-    key: Hashable, prints: Fingerprint, step: Callable[[], Any], rows: Rows, shown: int = 1
+    key: Hashable, prints: Fingerprint, step: Callable[[], Step], rows: Rows, shown: int = 1
 ) -> Program:
     """The program of a step, traced once a process. Raises `UntraceableError`.
 

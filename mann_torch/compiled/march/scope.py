@@ -21,17 +21,7 @@ from ..graph.views import cuts
 from ..lowering import lower
 from ..trace.telling import UntraceableError
 from ..trace.tracing import trace, trace_vjp
-from .layout import Layout, Leaf, offsets
-
-
-class Arguments(NamedTuple):
-    """A step's arguments, each a list of tensors of one sample."""
-
-    clock: list[Tensor]
-    constants: list[Tensor]
-    segments: list[Tensor]
-    noise: list[Tensor]
-    carry: list[Tensor]
+from .layout import Arguments, Layout, Leaf, offsets
 
 
 class Own(NamedTuple):

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from ...compiled import (
+    Arguments,
     Fingerprint,
     Rows,
     check_agreement,
@@ -34,20 +35,13 @@ class SequenceStep:
         self._cell, self._names = frozen(cell), names
         self._marked = [leaf is not None for leaf in marks]
 
-    def __call__(
-        self,
-        clock: Sequence[Tensor],
-        constants: Sequence[Tensor],
-        segments: Sequence[Tensor],
-        noise: Sequence[Tensor],
-        carry: Sequence[Tensor],
-    ) -> list[Tensor]:
+    def __call__(self, given: Arguments) -> list[Tensor]:
         """The next carry."""
         count = len(Looked._fields)
-        given = iter(segments[count:])
-        marks = Marks(*(next(given) > 0.5 if there else None for there in self._marked))
-        looked, state = Looked(*segments[:count]), CellState(*carry[1:])
-        with with_tensors(self._cell, dict(zip(self._names, constants, strict=True))):
+        marked = iter(given.segments[count:])
+        marks = Marks(*(next(marked) > 0.5 if there else None for there in self._marked))
+        looked, state = Looked(*given.segments[:count]), CellState(*given.carry[1:])
+        with with_tensors(self._cell, dict(zip(self._names, given.constants, strict=True))):
             _, read, after = stepped(self._cell, looked, state, marks)
             return [read, *after]
 

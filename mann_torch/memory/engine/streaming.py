@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from ...compiled import (
+    Arguments,
     Fingerprint,
     Rows,
     Single,
@@ -32,19 +33,12 @@ class StreamStep:
     def __init__(self, cell: MemoryCell, names: Sequence[str]) -> None:
         self._cell, self._names = frozen(cell), names
 
-    def __call__(
-        self,
-        clock: Sequence[Tensor],
-        constants: Sequence[Tensor],
-        segments: Sequence[Tensor],
-        noise: Sequence[Tensor],
-        carry: Sequence[Tensor],
-    ) -> list[Tensor]:
+    def __call__(self, given: Arguments) -> list[Tensor]:
         """The next carry."""
         cell = self._cell
-        with with_tensors(cell, dict(zip(self._names, constants, strict=True))):
-            looked = cell.look(segments[0], segments[1])
-            seen, state = cell.seen(looked, CellState(*carry[1:]))
+        with with_tensors(cell, dict(zip(self._names, given.constants, strict=True))):
+            looked = cell.look(*given.segments)
+            seen, state = cell.seen(looked, CellState(*given.carry[1:]))
             return [cell.output_of(seen), *state]
 
 

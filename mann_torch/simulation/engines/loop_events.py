@@ -54,8 +54,7 @@ class LoopEvents(LoopStep):
 
     @contextmanager
     def _scene(self, given: Arguments) -> Iterator[Scene]:
-        bound = self._bound(given.clock, given.constants, given.segments, given.noise)
-        with bound as here:
+        with self._bound(given) as here:
             state, sums, mode = self.split(given.carry)
             system = Branches(self._loop, self._solver, self._packer, here.conditions, None)
             y = self._packer.pack(rebuilt(self._state, state))
@@ -101,26 +100,19 @@ class LoopEvents(LoopStep):
         """The state in a carry's floating leaves."""
         return rebuilt(self._state, super().split(moved)[0])
 
-    def __call__(
-        self,
-        clock: Sequence[Tensor],
-        constants: Sequence[Tensor],
-        segments: Sequence[Tensor],
-        noise: Sequence[Tensor],
-        carry: Sequence[Tensor],
-    ) -> list[Tensor]:
+    def __call__(self, given: Arguments) -> list[Tensor]:
         """The next carry, as the torch engine computes it; notes stay."""
-        given = Arguments(*map(list, (clock, constants, segments, noise, carry)))
-        t, h = clock[:2]
+        t, h = given.clock[:2]
         with self._scene(given) as s:
             commanded = None
             if self._effort:
                 commanded = s.system.command(t, *jump(s.system, t, s.y, s.mode))
             y, mode, met = hybrid_step(s.system, t, h, s.y, s.mode)
             state: LoopState = self._packer.unpack(y)
-            sums = self._summed(clock, s.sums, state, commanded, s.here)
-        counts = carry[-2] + torch.stack(met)
-        return [*self.join(leaves(state), sums, leaves(mode)), counts, carry[-1]]
+            sums = self._summed(given.clock, s.sums, state, commanded, s.here)
+        *_, counted, noted = given.carry
+        counts = counted + torch.stack(met)
+        return [*self.join(leaves(state), sums, leaves(mode)), counts, noted]
 
 
 def counts_of(leaf: Tensor) -> EventCounts:

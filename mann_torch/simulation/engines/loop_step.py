@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Self
 import torch
 from torch import Tensor
 
-from ...compiled import Layout, Leaf, Program, UntraceableError, frozen, with_tensors
+from ...compiled import Arguments, Layout, Leaf, Program, UntraceableError, frozen, with_tensors
 from ...constraints import held_tensors
 from ...signals import Surroundings
 from ...trees import Packer, leaves, map_tensors, rebuilt, structure
@@ -123,51 +123,39 @@ class LoopStep:
         """The inverse of `split`."""
         return [*state[: self.n_plant], *sums, *state[self.n_plant :], *mode]
 
-    def __call__(
-        self,
-        clock: Sequence[Tensor],
-        constants: Sequence[Tensor],
-        segments: Sequence[Tensor],
-        noise: Sequence[Tensor],
-        carry: Sequence[Tensor],
-    ) -> list[Tensor]:
+    def __call__(self, given: Arguments) -> list[Tensor]:
         """The next carry."""
-        with self._bound(clock, constants, segments, noise) as here:
-            state, sums, mode_leaves = self.split(carry)
+        with self._bound(given) as here:
+            (t, h), (state, sums, mode_leaves) = given.clock[:2], self.split(given.carry)
             rates = partial(flat_rates, self._loop, self._packer)
             y, mode, commanded = advance(
-                self._loop, self._solver, self._packer, rates, self._effort, clock[0], clock[1],
+                self._loop, self._solver, self._packer, rates, self._effort, t, h,
                 self._packer.pack(rebuilt(self._state, state)), rebuilt(self._mode, mode_leaves),
                 here.conditions,
             )  # fmt: skip
             after = self._packer.unpack(y)
-            found = self._summed(clock, sums, after, commanded, here)
+            found = self._summed(given.clock, sums, after, commanded, here)
         return self.join(leaves(after), found, leaves(mode))
 
     @contextmanager
-    def _bound(
-        self,
-        clock: Sequence[Tensor],
-        constants: Sequence[Tensor],
-        segments: Sequence[Tensor],
-        noise: Sequence[Tensor],
-    ) -> Iterator[Bound]:
+    def _bound(self, given: Arguments) -> Iterator[Bound]:
         """Let loop and signals hold these tensors."""
+        clock, constants = given.clock, given.constants
         count = len(self._loop_names)
         last = count + len(self._outside_names)
         own = dict(zip(self._loop_names, constants[:count], strict=True))
         signal = dict(zip(self._outside_names, constants[count:last], strict=True))
-        measured = noise[0] * constants[last + 1] if self._noise else None
+        measured = given.noise[0] * constants[last + 1] if self._noise else None
         ticks = Ticks(*(x > 0.5 for x in clock[-TICKS:])) if self._ticks else None
-        coefficients = rebuilt(self._coefficients, segments)
+        coefficients = rebuilt(self._coefficients, given.segments)
         begin = CLOCK + EFFORT_CLOCK * self._effort
         span = Span(*clock[begin : begin + SPAN]) if self._spans else None
         here = Conditions(self._outside, coefficients, measured, ticks, span)
         with with_tensors(self._loop, own), with_tensors(self._outside, signal):
             yield Bound(here, constants[last])
-            for module, given in ((self._loop, own), (self._outside, signal)):
+            for module, bound in ((self._loop, own), (self._outside, signal)):
                 held = held_tensors(module)
-                for name, tensor in given.items():
+                for name, tensor in bound.items():
                     if held.get(name) is not tensor:
                         raise UntraceableError(f"steps put another tensor into {name}")
 
