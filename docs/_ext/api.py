@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+from abc import ABCMeta
 from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 from fields import fields_of, shown_fields
 from prose import inline, restructured
 from public import PACKAGES, Public, comment_of, everything, homes, members_of
+from signatures import inherited_from, process_signature, shown_attribute
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
 from sphinx.pycode import ModuleAnalyzer
@@ -126,6 +128,8 @@ def page(package: str, known: set[str]) -> str:
             lines.append(f".. auto{public.kind}:: {public.place}")
             if public.kind == "class":
                 lines.append("   :members:")
+                if others := inherited_from(public.thing, _HOMES):
+                    lines.append(f"   :inherited-members: {others}")
             elif public.kind == "data" and len(repr(public.thing)) > 90:
                 lines.append("   :no-value:")
             lines.append("")
@@ -200,23 +204,6 @@ def skip_member(
     return True if str(thing.__doc__).startswith("Alias for field number") else None
 
 
-#: `Numbers`, as Python spells it out.
-_NUMBERS = re.compile(
-    r"float \| (~?)collections\.abc\.Sequence\[float\] \| \1collections\.abc\.Sequence\["
-    r"\1collections\.abc\.Sequence\[float\]\] \| \1torch\.Tensor"
-)
-
-
-def process_signature(
-    app: Sphinx, what: str, name: str, thing: Any, options: Any, given: str | None, back: str | None
-) -> tuple[str | None, str | None]:
-    """The alias for what it stands for, and defaults that a factory makes as an ellipsis."""
-    shown = (given or "").replace("<factory>", "...") or None
-    return tuple(  # type: ignore[return-value]
-        text and _NUMBERS.sub("~mann_torch.functional.Numbers", text) for text in (shown, back)
-    )
-
-
 def missing_reference(app: Sphinx, env: Any, node: pending_xref, content: Any) -> Any:
     """A name by its submodule, or as annotations shorten it: its one place."""
     if node.get("refdomain") != "py":
@@ -237,6 +224,7 @@ def missing_reference(app: Sphinx, env: Any, node: pending_xref, content: Any) -
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect it all."""
     app.add_config_value("foreign_names", [], "")
+    app.add_autodoc_attrgetter(ABCMeta, shown_attribute)
     app.connect("builder-inited", write_pages)
     app.connect("autodoc-process-docstring", process_docstring)
     app.connect("autodoc-process-signature", process_signature)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import html
+import importlib
+import inspect
 import json
 import re
 import subprocess
@@ -64,6 +66,7 @@ def test_the_site_builds_without_a_warning_and_its_links_resolve() -> None:
     wrong = [f"{path.relative_to(OUT)}: {what}" for path in found for what in broken(path, found)]
     assert not wrong, "\n".join(wrong)
     check_reference()
+    check_signatures()
     check_search()
 
 
@@ -101,6 +104,32 @@ def check_reference() -> None:
         places = page.anchors | {link.partition("#")[2] for link in page.links}
         ends = {place.rpartition(".")[2] for place in places}
         assert set(names) <= ends, set(names) - ends
+
+
+def check_signatures() -> None:
+    """A class is shown with the arguments that its `__init__` takes, a protocol with none."""
+    entry = re.compile(r'<dt class="sig sig-object py" id="([\w.]+)">(.*?)</dt>', re.S)
+    argument = re.compile(r'class="sig-param">.*?<span class="n"><span class="pre">(\w+)', re.S)
+    seen = 0
+    for path in (OUT / "api").glob("mann_torch*.html"):
+        package = importlib.import_module(path.stem)
+        for place, shown in entry.findall(path.read_text()):
+            thing = getattr(package, place.removeprefix(f"{path.stem}."), None)
+            if not isinstance(thing, type) or issubclass(thing, Exception):
+                continue
+            assert argument.findall(shown) == taken_by(thing), place
+            seen += 1
+    assert seen > 100
+
+
+def taken_by(thing: type) -> list[str]:
+    """Names of a class's arguments."""
+    if issubclass(thing, tuple):  # a NamedTuple has no `__init__`
+        return list(inspect.signature(thing).parameters)
+    init = thing.__init__  # type: ignore[misc]
+    if not str(getattr(init, "__module__", "")).startswith("mann_torch"):
+        return []
+    return list(inspect.signature(init).parameters)[1:]
 
 
 def check_search() -> None:
