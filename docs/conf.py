@@ -27,6 +27,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "api",
     "mathml",
+    "names",
     "outside",
 ]
 exclude_patterns = ["_build", "_ext", "gallery", "**/README.md", "auto_gallery/*.ipynb"]

@@ -67,6 +67,7 @@ def test_the_site_builds_without_a_warning_and_its_links_resolve() -> None:
     assert not wrong, "\n".join(wrong)
     check_reference()
     check_signatures()
+    check_names()
     check_search()
 
 
@@ -130,6 +131,16 @@ def taken_by(thing: type) -> list[str]:
     if not str(getattr(init, "__module__", "")).startswith("mann_torch"):
         return []
     return list(inspect.signature(init).parameters)[1:]
+
+
+def check_names() -> None:
+    """A page's names of classes lead to where they are imported from; an attribute's don't."""
+    linked = {link.rpartition("#")[2] for link in Page(OUT / "choosing.html").links}
+    kinds = [*mt.control.CONTROLLERS.values(), *mt.control.LAW_PARTS.values()]
+    names = {kind.__name__ for kind in kinds} - {"ConstantGain"}
+    assert {f"mann_torch.control.{name}" for name in names} <= linked
+    linked = {link.rpartition("#")[2] for link in Page(OUT / "compiling.html").links}
+    assert "mann_torch.metrics.switches" not in linked  # there, an attention's
 
 
 def check_search() -> None:
