@@ -33,8 +33,8 @@ def check(words: list[str]) -> None:
     elif first == "python" and rest[0] == "-m":
         check_module(rest[1], rest[2:])
     elif first.startswith("mann-"):
-        place = PROJECT["scripts"][first].removeprefix("mann_torch.")
-        check_module("experiments." + re.split(r"[.:]", place)[-1], rest)
+        place, _, function = PROJECT["scripts"][first].removeprefix("mann_torch.").partition(":")
+        check_module(f"experiments.{function}" if place.endswith(".early") else place, rest)
     else:
         assert first in KNOWN, f"no such command: {first}"
 
@@ -81,6 +81,13 @@ def test_a_command_that_is_shown_is_accepted(line: str, monkeypatch: pytest.Monk
     if ELSEWHERE.search(line):
         words = [word for word in words if "=" not in word and not word.startswith("--")]
     check(words)
+
+
+def test_commands_are_those_that_a_wheel_has() -> None:
+    """Not everybody has a checkout: what a wheel brings is called as it brings it."""
+    modules = (words[2] for words in shell_lines().values() if words[:2] == ["python", "-m"])
+    names = [name.partition(".")[2].replace("_", "-") for name in modules if "experiments" in name]
+    assert not {f"mann-{name}" for name in names} & set(PROJECT["scripts"])
 
 
 @pytest.mark.parametrize(
