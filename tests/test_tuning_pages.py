@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import torch
 
-from tests.pages import executed
+from tests.pages import executed, text_of
 
 
 @pytest.fixture(scope="module")
@@ -23,6 +23,12 @@ def gradients() -> dict[str, Any]:
 def test_the_objective_falls_within_its_limits(tuning: dict[str, Any]) -> None:
     objectives = tuning["objectives"]
     assert len(objectives) == 5 and objectives[-1] < 0.95 < objectives[0] < 1.1
+
+
+def test_all_of_a_row_is_told(tuning: dict[str, Any]) -> None:
+    page = text_of("tuning.md")
+    assert tuning["tuner"].history
+    assert all(f"`{name}`" in page for name in tuning["tuner"].history[0])
 
 
 def test_a_judge_of_ones_own_is_lowered(tuning: dict[str, Any]) -> None:
