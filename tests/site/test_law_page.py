@@ -45,6 +45,18 @@ def test_a_leak_costs_error_and_its_slope_says_so(page: dict[str, Any]) -> None:
     assert bool((page["leak"].grad > 0).all())
 
 
+def test_a_fading_gain_fades_and_is_a_constant_one_where_it_does_not(page: dict[str, Any]) -> None:
+    run = page["faded"]
+    share = run.states.controller.laws.gain.share[..., 0, 0]
+    rates = torch.tensor([0.0, 0.1, 0.5], dtype=torch.float64)
+    known = torch.exp(-rates * run.sample_t.unsqueeze(-1))
+    order = (4e-3) ** 2 * 0.5**3 * 10.0 / 6.0  # h^2 rate^3 t / 6: what Heun's method is off by
+    torch.testing.assert_close(share, known, rtol=1.1 * order, atol=0.0)
+    assert bool((page["fading"].grad > 0).all())
+    plain = mt.srmse(page["leaky"])[0]  # by a constant gain, and no leak
+    torch.testing.assert_close(mt.srmse(run)[0], plain, rtol=1e-12, atol=0.0)
+
+
 def test_ones_own_mechanism_at_zero_is_none(page: dict[str, Any]) -> None:
     generator = torch.Generator().manual_seed(0)
     phi, s, theta = (

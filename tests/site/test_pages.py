@@ -49,6 +49,15 @@ def test_the_faqs_sample_diverges_alone() -> None:
     assert bool(mt.srmse(run)[0].isfinite().all() and mt.srmse(run)[1].isnan().all())
 
 
+def test_what_was_learned_goes_on() -> None:
+    found = executed("faq.md")
+    assert float(found["apart"]) < 1e-12 and bool(
+        found["stored"]["controller.approximator.memory.has_contents"]
+    )
+    first, second = (mt.srmse(found[name]) for name in ("first", "second"))
+    assert bool((second < 0.9 * first).all())
+
+
 def test_other_programs_agree() -> None:
     found = executed("coming_from.md")
     assert float(found["apart"]) < 1e-9
