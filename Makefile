@@ -30,7 +30,6 @@ lint: install
 	.venv/bin/mypy
 
 test: lint
-	$(PY) -m pytest -q --doctest-modules mann_torch/memory mann_torch/figures.py
 	$(PY) -m pytest -n 2 --dist worksteal -q $(ARGS)
 
 # The site, every cell and every example of the gallery run: docs/_build/html/index.html.

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 import numpy as np
 import torch
 
-from .errors import ConfigError, KindError
+from .errors import ConfigError, InterfaceError, KindError
 
 Kind = TypeVar("Kind")
 
@@ -150,11 +150,16 @@ def choice(name: str, value: Any, known: Iterable[str]) -> str:
 
 
 def instance(name: str, value: Any, kind: Callable[..., Kind], wanted: str = "") -> Kind:
-    """`value`, if it is an instance of the class `kind`, abstract or not. Raises `KindError`."""
+    """`value`, if it is an instance of the class `kind`, abstract or not. Raises `KindError`.
+
+    `InterfaceError` for a module that was never set up.
+    """
     cls = cast(type[Kind], kind)
     if not isinstance(value, cls):
         article = "an" if cls.__name__[0] in "AEIOU" else "a"
         raise wrong(name, value, wanted or f"{article} {cls.__name__}")
+    if isinstance(value, torch.nn.Module) and "_modules" not in vars(value):
+        raise InterfaceError(f"{type(value).__name__}.__init__ does not call super().__init__()")
     return value
 
 

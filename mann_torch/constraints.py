@@ -24,7 +24,7 @@ from .domains import (
     PositiveRow,
     SymmetricPositiveDefinite,
 )
-from .errors import ConfigError, ShapeError
+from .errors import ConfigError, InterfaceError, ShapeError
 from .functional import Numbers, as_float64
 
 __all__ = [
@@ -69,6 +69,10 @@ class DesignModule(nn.Module):
         self, name: str, value: Numbers, domain: Domain, event_shape: tuple[int, ...] = ()
     ) -> None:
         """Add the constant `name`, shape (...,) plus `event_shape`. Raises as `initialize`."""
+        if "_domains" not in vars(self):
+            raise InterfaceError(
+                f"{type(self).__name__}: call super().__init__() before {name!r} is declared"
+            )
         shape = torch.Size(sizes("event_shape", event_shape))
         tensor = _checked(text("name", name), value, instance("domain", domain, Domain), shape)
         self._domains[name] = domain

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC
+from collections.abc import Mapping
 from typing import Any, ClassVar, Self
 
 from .errors import InterfaceError
@@ -15,16 +16,19 @@ class Interface(ABC):
     """
 
     __abstractmethods__: ClassVar[frozenset[str]]
+    #: Attributes that a class must give, and what each is.
+    required: ClassVar[Mapping[str, str]] = {}
 
     def __new__(cls, *args: Any, **kwargs: Any) -> Self:
-        missing = sorted(cls.__abstractmethods__)
+        without = [name for name in cls.required if not hasattr(cls, name)]
+        missing = sorted([*cls.__abstractmethods__, *without])
         if missing:
             told = "; ".join(f"{name}: {_purpose(cls, name)}" for name in missing)
             raise InterfaceError(f"{cls.__name__} lacks {', '.join(missing)} ({told})")
         return super().__new__(cls)
 
 
-def _purpose(cls: type, name: str) -> str:
-    """First line of the docstring of what is missing."""
-    text: str = getattr(cls, name).__doc__ or "no description"
+def _purpose(cls: type[Interface], name: str) -> str:
+    """First line of what is said of what is missing."""
+    text: str = cls.required.get(name) or getattr(cls, name).__doc__ or "no description"
     return text.strip().splitlines()[0].rstrip(".")

@@ -95,6 +95,30 @@ def structure(tree: Any) -> Any:
     return (type(tree).__qualname__, *(structure(branch) for branch in tree))
 
 
+def difference(found: Any, wanted: Any, at: str = "") -> str | None:
+    """What is another in `found` than in the tree `wanted`: kinds, shapes, dtypes; None: nothing.
+
+    >>> difference(torch.zeros(2), torch.zeros(3))
+    'it has shape (2,), not (3,)'
+    """
+    name = at or "it"
+    if isinstance(wanted, Tensor):
+        if not isinstance(found, Tensor):
+            return f"{name} is a {type(found).__name__}, not a tensor"
+        if found.shape != wanted.shape:
+            return f"{name} has shape {tuple(found.shape)}, not {tuple(wanted.shape)}"
+        return None if found.dtype == wanted.dtype else f"{name} is {found.dtype}"
+    if type(found) is not type(wanted):
+        return f"{name} is a {type(found).__name__}, not a {type(wanted).__name__}"
+    if wanted is None:
+        return None
+    for field, mine, other in zip(wanted._fields, found, wanted, strict=True):
+        told = difference(mine, other, f"{at}.{field}".removeprefix("."))
+        if told is not None:
+            return told
+    return None
+
+
 class Packer(Generic[Tree]):
     """Turns a tree of tensors (*batch, *event) into one (*batch, M) and back.
 

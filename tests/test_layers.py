@@ -11,7 +11,7 @@ ROOT = Path(__file__).parent.parent
 BASE = {
     "version",
     *("errors", "checks", "types", "functional", "domains", "constraints", "trees"),
-    *("interface", "stiff", "registry"),
+    *("interface", "stiff", "registry", "telling"),
 }
 ALLOWED = {
     "memory": BASE | {"compiled"},
@@ -19,7 +19,7 @@ ALLOWED = {
     "plants": BASE,
     "signals": BASE,
     "parts": BASE,
-    "compiled": {"errors"},
+    "compiled": {"errors", "telling"},
     "simulation": BASE | {"compiled", "memory", "control", "plants", "signals", "parts"},
     "deployment": BASE | {"compiled", "control", "parts", "plants", "simulation"},
     "metrics": BASE | {"simulation"},

@@ -64,7 +64,10 @@ class LinearFeedback(MatrixConstants, Controller):
         """None. Raises `ShapeError` unless Y numbers are measured."""
         found = sum(part.shape[-1] for part in measurement)
         if found != self.n_measured:
-            raise ShapeError(f"feedback of {self.n_measured} numbers: {found} are measured")
+            fields = ", ".join(measurement._fields)
+            raise ShapeError(
+                f"feedback of {self.n_measured} numbers: {found} are measured ({fields})"
+            )
         return None, None
 
     def forward(

@@ -105,7 +105,7 @@ class Pid(Controller):
         are wanted and not measured.
         """
         if not self.filters:
-            check_measured(measurement)
+            check_measured(measurement, "; or give it a filter_rate [1/s], for the output alone")
         if measurement[0].shape[-1] != self.n_outputs:
             raise ShapeError(
                 f"PID of {self.n_outputs} outputs: {measurement[0].shape[-1]} numbers are measured "

@@ -14,12 +14,14 @@ from ..functional import Numbers, times_column
 from ..types import InputGains, Measurement, ReferenceSample, TrackingError
 
 
-def check_measured(measurement: Any) -> None:
-    """Raise `KindError` unless positions `q` and velocities `qd` are measured."""
+def check_measured(measurement: Any, otherwise: str = "") -> None:
+    """Raise `KindError` unless positions `q` and velocities `qd` are measured.
+
+    `otherwise` is what else a controller may be given.
+    """
     if not (hasattr(measurement, "q") and hasattr(measurement, "qd")):
-        raise wrong(
-            "measurement", measurement, "of positions q and velocities qd, for this controller"
-        )
+        wanted = "of positions q and velocities qd, for this controller"
+        raise wrong("measurement", measurement, wanted + otherwise)
 
 
 def check_joints(n_joints: int, n_inputs: int, n_outputs: int) -> None:

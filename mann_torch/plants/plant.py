@@ -58,6 +58,9 @@ class Plant(Interface, nn.Module):
     #: NamedTuple of the inputs: one field for all m numbers, or a field for each; else `grouped`.
     Input: ClassVar[type] = Input
     Parameters: ClassVar[type]
+    required: ClassVar[Mapping[str, str]] = {
+        "Parameters": "NamedTuple of the parameters' rows, a field for each of `fields`"
+    }
     fields: Mapping[str, Field] = {}
     disturbances: tuple[Channel, ...] = ()
 
@@ -139,7 +142,9 @@ class Plant(Interface, nn.Module):
         for name, field in self.fields.items():
             rows, width = getattr(parameters, name), as_float64(field.default).shape[-1]
             if rows.dim() < 1 or rows.shape[-1] != width:
-                raise ShapeError(f"{name} has shape {tuple(rows.shape)}; give {width} numbers")
+                raise ShapeError(
+                    f"{name} has shape {tuple(rows.shape)}: give a row of {width}, (..., {width})"
+                )
             field.domain.check(name, rows.detach())
 
     @property

@@ -12,7 +12,7 @@ from ..control import Controller
 from ..errors import ConfigError, ShapeError
 from ..functional import as_float64
 from ..signals import Surroundings, noise_at
-from ..trees import leaves, map_tensors
+from ..trees import leaf_paths, leaves, map_tensors
 from ..types import LoopMode, LoopState
 from .closed_loop import ClosedLoop
 from .conditions import Conditions
@@ -68,6 +68,8 @@ def start_of(
     loop.check()
     batch = common_shape(loop, scenario, weights, batch_shape)
     start = plant.rest() if scenario.start is None else scenario.start
+    for path, leaf in zip(leaf_paths(start), leaves(start), strict=True):
+        as_float64(leaf, f"the state of {type(plant).__name__}, {path},")
     start = map_tensors(lambda leaf: leaf.expand(*batch, leaf.shape[-1]), start)
     t = torch.zeros((), dtype=torch.float64)
     surroundings = scenario.surroundings.expand(batch)

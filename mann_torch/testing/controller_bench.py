@@ -14,12 +14,13 @@ from ..errors import ConfigError, InterfaceError, ShapeError
 from ..parts import ReferenceModel, SecondOrderModel
 from ..plants import DoubleIntegrator, LinearPlant, Plant, Regression, TwoLinkArm
 from ..signals import Reference, Sinusoid
+from ..telling import explained
 from ..trees import map_tensors
 from ..types import ControlOutput, ReferenceSample
 from .functions import SAMPLES
 from .plant_bench import bench
 from .samples import drawn_sample
-from .telling import broken, said
+from .telling import broken
 
 #: Plants that a controller is tried on where none is given.
 PLANTS: tuple[Callable[[], Plant], ...] = (
@@ -125,7 +126,7 @@ def bench_of(
                 return found
     if plant is not None and errors[0] is not None:
         raise errors[0]
-    why = f" ({said(errors[0])})" if errors and errors[0] is not None else ""
+    why = f" ({explained(errors[0])})" if errors and errors[0] is not None else ""
     raise ConfigError(
         f"plant = None: {type(controller).__name__} fits none of the plants that are tried{why}; "
         "give one that it controls"
@@ -139,7 +140,7 @@ def _fits(controller: Controller, plant: Plant) -> bool:
         return False
     except Exception as error:
         mend = "raise a ShapeError, or nothing"
-        raise broken(controller, 4, f"check_fit fails; {said(error)}", mend) from error
+        raise broken(controller, 4, f"check_fit fails; {explained(error)}", mend) from error
     return True
 
 

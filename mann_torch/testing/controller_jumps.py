@@ -6,10 +6,10 @@ from typing import Any
 
 import torch
 
-from ..trees import leaves
+from ..trees import difference, leaves
 from ..types import MemoryMode, Proximity
 from .controller_bench import Asked, ControllerBench
-from .forms import called, difference
+from .forms import called
 from .functions import ROUNDING, SAMPLES, apart, check_function, tried_of
 from .telling import broken
 

@@ -14,12 +14,12 @@ from ..parts import ReferenceModel
 from ..plants import Plant
 from ..signals import Reference
 from ..simulation import ENGINES
-from ..trees import leaf_names, leaves, map_tensors
+from ..trees import difference, leaf_names, leaves, map_tensors
 from ..types import MOST_DERIVATIVES, ControlOutput, InputGains, ReferenceSample
 from .controller_bench import Asked, ControllerBench, answer, bench_of
 from .controller_jumps import check_jumps
 from .controller_rollout import check_rollout
-from .forms import called, check_held, check_tensor, difference, is_tree
+from .forms import called, check_held, check_tensor, is_tree
 from .functions import SAMPLES, check_function, tried_of
 from .random_starts import check_start, check_weights
 from .samples import check_order

@@ -10,7 +10,8 @@ from torch import Tensor, nn
 
 from ..constraints import DesignModule
 from ..errors import InterfaceError, ShapeError
-from .telling import broken, said
+from ..telling import explained
+from .telling import broken
 
 Result = TypeVar("Result")
 
@@ -22,7 +23,7 @@ def called(part: object, line: int | str, what: str, function: Callable[[], Resu
     except InterfaceError:
         raise
     except Exception as error:
-        raise broken(part, line, f"{what} fails", said(error)) from error
+        raise broken(part, line, f"{what} fails", explained(error)) from error
 
 
 def is_tree(value: Any) -> bool:
@@ -41,30 +42,6 @@ def has_tensor(value: Any) -> bool:
     elif not isinstance(value, list | tuple | set):
         return False
     return any(map(has_tensor, value))
-
-
-def difference(found: Any, wanted: Any, at: str = "") -> str | None:
-    """What is another in `found` than in the tree `wanted`: kinds, shapes, dtypes; None: nothing.
-
-    >>> difference(torch.zeros(2), torch.zeros(3))
-    'it has shape (2,), not (3,)'
-    """
-    name = at or "it"
-    if isinstance(wanted, Tensor):
-        if not isinstance(found, Tensor):
-            return f"{name} is a {type(found).__name__}, not a tensor"
-        if found.shape != wanted.shape:
-            return f"{name} has shape {tuple(found.shape)}, not {tuple(wanted.shape)}"
-        return None if found.dtype == wanted.dtype else f"{name} is {found.dtype}"
-    if type(found) is not type(wanted):
-        return f"{name} is a {type(found).__name__}, not a {type(wanted).__name__}"
-    if wanted is None:
-        return None
-    for field, mine, other in zip(wanted._fields, found, wanted, strict=True):
-        told = difference(mine, other, f"{at}.{field}".removeprefix("."))
-        if told is not None:
-            return told
-    return None
 
 
 def check_tensor(
@@ -87,8 +64,10 @@ def check_tensor(
     return found
 
 
-def check_held(part: nn.Module, line: int | str) -> None:
+def check_held(part: nn.Module, line: int | str, *told: str) -> None:
     """Raise `InterfaceError` for tensors that are neither declared nor registered, or float32.
+
+    Attributes `told` are looked at elsewhere.
 
     `ShapeError` for constants with a batch shape: what is checked has its own.
     """
@@ -100,7 +79,8 @@ def check_held(part: nn.Module, line: int | str) -> None:
     for path, module in part.named_modules():
         known = module.domains() if isinstance(module, DesignModule) else {}
         for name, value in vars(module).items():
-            if name in ("_parameters", "_buffers", "_modules", *known) or not has_tensor(value):
+            others = ("_parameters", "_buffers", "_modules", *known, *told)
+            if name in others or not has_tensor(value):
                 continue
             raise broken(
                 part,

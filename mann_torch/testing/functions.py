@@ -8,7 +8,10 @@ from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
+from torch.overrides import TorchFunctionMode
 
+from ..errors import DtypeError
+from ..telling import misread
 from ..trees import leaves, rebuilt
 from .forms import called
 from .telling import broken
@@ -62,9 +65,23 @@ def check_function(tried: Tried) -> None:
     check_mapped(tried)
 
 
+class _InFloat64(TorchFunctionMode):
+    """Refuses float32 numbers that float64 would hold otherwise, where they are made."""
+
+    def __torch_function__(
+        self, function: Any, types: Any, arguments: Any = (), keywords: Any = None
+    ) -> Any:
+        made = function(*arguments, **(keywords or {}))
+        if isinstance(made, Tensor) and made.dtype == torch.float32 and misread(made):
+            raise DtypeError(f"{misread(made)} in float32; give dtype=torch.float64")
+        return made
+
+
 def check_pure(tried: Tried) -> None:
-    """Same arguments, same bits; nothing is written to."""
+    """Same arguments, same bits, of float64 numbers alone; nothing is written to."""
     part, line, what, *_ = tried
+    with _InFloat64():
+        called(part, line, what, tried.__call__)
     given = [argument.clone() for argument in tried.arguments]
     held = {name: tensor.clone() for name, tensor in _tensors(part).items()}
     first = [leaf.clone() for leaf in tried()]
@@ -124,7 +141,7 @@ def check_mapped(tried: Tried) -> None:
     mapped = called(
         part,
         line,
-        f"{what} under torch.func.vmap (decide by torch.where, without .item() or bool())",
+        f"{what} under torch.func.vmap",
         lambda: torch.func.vmap(lambda *xs: tuple(tried(xs)))(*tried.arguments),
     )
     if apart(mapped, tried()) > ROUNDING:

@@ -11,8 +11,8 @@ from torch import Tensor
 
 from ..checks import instance
 from ..control import Drive, Law, Pair
-from ..trees import leaves, map_tensors
-from .forms import called, check_held, check_tensor, difference, is_tree
+from ..trees import difference, leaves, map_tensors
+from .forms import called, check_held, check_tensor, is_tree
 from .functions import ROUNDING, SAMPLES, apart, check_function, tried_of
 from .slopes import check_constants, check_slopes
 from .telling import broken

@@ -10,9 +10,9 @@ from torch import Tensor
 
 from ..checks import instance
 from ..control import Drive, FeatureNetwork
-from ..trees import leaves, map_tensors
+from ..trees import difference, leaves, map_tensors
 from ..types import Features
-from .forms import called, check_held, check_tensor, difference, is_tree
+from .forms import called, check_held, check_tensor, is_tree
 from .functions import ROUNDING, SAMPLES, apart, check_function, tried_of
 from .random_starts import check_start, check_weights
 from .slopes import check_constants, check_slopes

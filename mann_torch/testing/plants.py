@@ -13,7 +13,7 @@ from ..plants import MechanicalPlant, Plant
 from ..stiff import FirstOrderBlock, SecondOrderBlock, StiffBlock
 from ..trees import leaves, rebuilt
 from ..types import InputGains
-from .forms import called
+from .forms import called, check_held
 from .functions import ROUNDING, SAMPLES, Tried, apart, check_batch, check_mapped, check_pure
 from .mechanical_plants import check_forces, check_physics
 from .plant_bench import Bench, bench
@@ -32,6 +32,7 @@ def check_plant(plant: Plant, parameters: Any = None, states: Any = None) -> Non
     """
     instance("plant", plant, Plant)
     check_names(plant)
+    check_held(plant, 3, "fields")
     if parameters is None:
         parameters = called(plant, 4, "parameters_of() with the defaults", plant.parameters_of)
     else:

@@ -9,8 +9,8 @@ import torch
 from torch import Tensor, nn
 
 from ..errors import ConfigError
-from ..trees import leaves, map_tensors
-from .forms import called, difference, is_tree
+from ..trees import difference, leaves, map_tensors
+from .forms import called, is_tree
 from .functions import SAMPLES
 from .telling import broken
 

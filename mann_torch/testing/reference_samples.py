@@ -6,8 +6,9 @@ from torch import Tensor
 
 from ..errors import MannError
 from ..signals import Reference
+from ..telling import explained
 from ..types import ReferenceSample
-from .telling import broken, said
+from .telling import broken
 
 #: Beside its size, how far two ways to the same number may be apart.
 SAME = 1e-12
@@ -22,7 +23,7 @@ def given(reference: Reference, t: Tensor, call: str = "forward") -> tuple[Tenso
         raise
     except Exception as error:
         mend = "t must broadcast with rows (..., p), and decisions are by `where`"
-        raise broken(reference, 3, f"{where} raised {said(error)}", mend) from error
+        raise broken(reference, 3, f"{where} raised {explained(error)}", mend) from error
     if not isinstance(sample, ReferenceSample):
         raise broken(
             reference, 3, f"{where} gave a {type(sample).__name__}", "return a ReferenceSample"

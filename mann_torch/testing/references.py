@@ -10,9 +10,10 @@ from torch.func import jvp, vmap
 
 from ..checks import POSITIVE, instance, number
 from ..signals import Reference
+from ..telling import explained
 from .reference_rows import check_registered, leaves_of, members, numbers_in, scaled_copies
 from .reference_samples import given, name_of, same
-from .telling import broken, said
+from .telling import broken
 
 #: Beside its size, how far a derivative may be from the one by autograd.
 DERIVATIVE = 1e-9
@@ -121,7 +122,7 @@ def _check_copies(reference: Reference, t: Tensor) -> None:
         try:
             copy = make()
         except Exception as error:
-            raise broken(reference, 1, f"{name} raised {said(error)}", mend) from error
+            raise broken(reference, 1, f"{name} raised {explained(error)}", mend) from error
         if copy.batch_shape != (2, *batch):
             found = tuple(copy.batch_shape)
             raise broken(reference, 1, f"{name} gave batch shape {found}, not {(2, *batch)}", mend)

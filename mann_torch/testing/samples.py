@@ -7,9 +7,10 @@ from typing import Any
 
 import torch
 
+from ..telling import explained
 from ..types import ReferenceSample
 from .functions import SAMPLES
-from .telling import broken, said
+from .telling import broken
 
 
 def drawn_sample(width: int, order: int, generator: torch.Generator) -> ReferenceSample:
@@ -43,5 +44,5 @@ def check_order(
             part,
             line,
             f"{what} reads more than the {getattr(part, name)} derivatives that {name} says",
-            f"set `{name}`, and read by `upto`; {said(error)}",
+            f"set `{name}`, and read by `upto`; {explained(error)}",
         ) from error

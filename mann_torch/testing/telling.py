@@ -8,9 +8,3 @@ from ..errors import InterfaceError
 def broken(part: object, line: int | str, found: str, mend: str) -> InterfaceError:
     """The error of a part that breaks a line of its contract, to be raised."""
     return InterfaceError(f"{type(part).__name__}, contract line {line}: {found}; {mend}")
-
-
-def said(error: Exception) -> str:
-    """An error's kind and the first line of what it says."""
-    lines = str(error).splitlines() or [""]
-    return f"{type(error).__name__}: {lines[0][:200]}"

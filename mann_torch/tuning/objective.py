@@ -8,8 +8,10 @@ from typing import Any, Protocol
 import torch
 from torch import Tensor
 
+from ..errors import ConfigError
+from ..functional import as_float64
 from ..simulation import Trajectory
-from .ensemble import Score, score
+from .ensemble import Ensemble, Score, score
 from .judges import TOTALS, Recording
 from .limits import check_limit, check_weight, limited
 
@@ -51,6 +53,17 @@ class Objective:
             check_weight(f"objective {name}", getattr(self, name))
         for name in ("rate_limit", "peak_limit", "saturation"):
             check_limit(f"objective {name}", getattr(self, name))
+
+    def check_fit(self, ensemble: Ensemble) -> None:
+        """Raise `ConfigError` where peaks are bounded that no member would ever show."""
+        after, shortest = ensemble.effort_after, float(as_float64(ensemble.scenario.horizon).min())
+        bounded = self.peak_limit is not None or self.saturation is not None
+        if bounded and after is not None and after >= shortest:
+            raise ConfigError(
+                f"effort_after = {after:g} s: peaks count from there on, and a horizon of "
+                f"{shortest:g} s has none; give the Ensemble a smaller effort_after, or the "
+                "Objective peak_limit=None and no saturation"
+            )
 
     @property
     def recording(self) -> Recording:

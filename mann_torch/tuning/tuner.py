@@ -16,7 +16,7 @@ from .coordinates import Coordinates
 from .ensemble import Ensemble
 from .gradients import GradientSettings, slope_of
 from .judges import Judge, Judged
-from .objective import Aim
+from .objective import Aim, Objective
 from .schedule import Schedule
 from .search import check_search, propose
 from .slopes import Slope
@@ -48,6 +48,8 @@ class Tuner:
         instance("coordinates", self.coordinates, Coordinates)
         function("objective", self.objective)
         function("objective.measure", getattr(self.objective, "measure", None))
+        if isinstance(self.objective, Objective):
+            self.objective.check_fit(self.ensemble)
         instance("gradient", self.gradient, GradientSettings)
         instance("schedule", self.schedule, Schedule)
         several("history", instance("history", self.history, list), dict)
@@ -216,9 +218,7 @@ class Tuner:
                 run = self.ensemble.until(horizon).run({}, recording=aim.recording)
                 found = aim.measure(run)
             if not all(bool(torch.isfinite(leaf).all()) for leaf in leaves(found)):
-                raise SolverError(
-                    "a member diverges, or is found NaN, with the constants to start from"
-                )
+                raise SolverError("a member diverges, or is NaN, with the constants to start from")
             self._start[horizon] = found
         return self._start[horizon]
 

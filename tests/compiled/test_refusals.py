@@ -124,6 +124,10 @@ def spectrum(s: Sample) -> Tensor:
     return torch.fft.rfft(s["v"]).abs()
 
 
+def literal(s: Sample) -> Tensor:
+    return s["v"] * torch.tensor(0.1)
+
+
 def captured(s: Sample) -> Tensor:
     return s["v"] * TABLE
 
@@ -163,6 +167,7 @@ REFUSED: dict[Callable[[Sample], Tensor], tuple[str, str]] = {
     bytes_that_wrap: ("numbers of torch.uint8", "torch.uint8"),
     complex_numbers: ("complex.default has no compiled form", "torch.complex"),
     spectrum: ("_fft_r2c.default has no compiled form", "rfft"),
+    literal: ("a float32 constant, 0.1 is 0.10000000149011612", "torch.tensor(0.1)"),
     captured: (CAPTURED, "* TABLE"),
     captured_rows: (CAPTURED, "[ROWS]"),
     captured_by_a_module: (CAPTURED, "self.gain * x"),
@@ -186,7 +191,7 @@ def test_tensors_made_on_the_way_are_no_captives() -> None:
     def made(s: Sample) -> Tensor:
         gains = torch.tensor([1.0, 2.0, 3.0], dtype=torch.float64)
         rows = torch.arange(3).flip(0)
-        return (s["v"] * gains)[rows] + s["v"][[2, 0, 1]] + torch.tensor(0.1)
+        return (s["v"] * gains)[rows] + s["v"][[2, 0, 1]] + torch.tensor(0.5)
 
     check_together({"made": made}, inputs())
 

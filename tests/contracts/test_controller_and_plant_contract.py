@@ -47,6 +47,7 @@ class ThreeCarts(mt.MechanicalPlant):
     """Three carts on rails: M = diag(m), no Coriolis force, a spring each."""
 
     n_joints = 3
+    Parameters = Mass
 
     def coefficients(self, parameters):
         return parameters

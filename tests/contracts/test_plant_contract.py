@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -9,6 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
+import mann_torch as mt
 from mann_torch.domains import Positive
 from mann_torch.errors import DomainError, InterfaceError, KindError, ShapeError
 from mann_torch.plants import (
@@ -160,6 +162,11 @@ def slipped(t, state, input, disturbance, coefficients, gains):
     return Box(rate.level + 1e-3), None
 
 
+def _kept(plant: Plant) -> Plant:
+    plant.drain = torch.tensor([0.3], dtype=torch.float64)
+    return plant
+
+
 BROKEN: dict[str, tuple[Callable[[], Plant], str]] = {
     "channels that are strings": (lambda: changed(inputs=("flow",)), "inputs.*Channel"),
     "no outputs": (lambda: changed(outputs=()), "outputs are empty"),
@@ -229,6 +236,18 @@ BROKEN: dict[str, tuple[Callable[[], Plant], str]] = {
         "batch",
     ),
     "a decision in Python": (lambda: other_derivative(decided), "vmap.*torch.where"),
+    "a decision for each": (
+        lambda: other_derivative(lambda self, level, u, area: u if level > 1.0 else u - level),
+        r"a decision on data.*take torch.where.* in Broken, test_plant_contract.py:\d+: ",
+    ),
+    "a float32 literal": (
+        lambda: other_derivative(lambda self, level, u, area: torch.tensor(0.1) * (u - level)),
+        r"0.1 is 0.10000000149.* in float32; give dtype=torch.float64.*test_plant_contract.py:",
+    ),
+    "a tensor that nobody knows of": (
+        lambda: _kept(other_derivative(lambda self, level, u, area: u - self.drain * level)),
+        "drain is a tensor that is not registered",
+    ),
     "a state detached": (
         lambda: other_derivative(lambda self, level, u, area: (u - level.detach()) / area),
         "gradient of the derivative by field 0 of the state.*detach",
@@ -269,6 +288,61 @@ def test_a_broken_plant_is_refused_by_what_is_wrong(name: str) -> None:
 
 def test_the_plant_that_they_break_is_right() -> None:
     check_plant(Good())
+
+
+def test_a_literal_that_float64_holds_as_it_is_passes() -> None:
+    check_plant(other_derivative(lambda self, level, u, area: torch.tensor(0.5) * (u - level)))
+
+
+def test_a_plant_without_parameters_is_refused_when_it_is_made() -> None:
+    members = {name: value for name, value in vars(Good).items() if name != "Parameters"}
+    with pytest.raises(InterfaceError, match=r"Tankless lacks Parameters \(Parameters: NamedTuple"):
+        type("Tankless", (Plant,), members)()
+
+
+def test_a_plant_that_was_never_set_up_is_refused() -> None:
+    plant = changed(__init__=lambda self: None)
+    for use in (check_plant, lambda plant: mt.ClosedLoop(plant, mt.LinearFeedback([[1.0]]))):
+        with pytest.raises(InterfaceError, match=r"__init__ does not call super\(\).__init__\(\)"):
+            use(plant)
+
+
+RUNS: dict[str, tuple[Callable[[], Plant], type[Exception], str]] = {
+    "a row too few": (
+        lambda: other_derivative(lambda self, level, u, area: (u - level)[..., 0]),
+        InterfaceError,
+        r"Broken: the derivative is not of the state's form: plant.level has shape \(\), not",
+    ),
+    "a rate too wide": (
+        lambda: other_derivative(lambda self, level, u, area: torch.cat([u, level], dim=-1)),
+        InterfaceError,
+        r"plant.level has shape \(2,\), not \(1,\)",
+    ),
+    "another kind": (
+        lambda: changed(derivative=lambda self, t, state, *_: Tank(state.level)),
+        InterfaceError,
+        "plant is a Tank, not a Box",
+    ),
+    "a start in float32": (
+        lambda: changed(rest=lambda self: Box(torch.ones(1))),
+        mt.errors.DtypeError,
+        "the state of Broken, level, is torch.float32",
+    ),
+}
+
+
+@pytest.mark.parametrize("engine", ["auto", "torch"])
+@pytest.mark.parametrize("name", RUNS)
+def test_a_rollout_refuses_it_by_name(
+    name: str, engine: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    make, kind, said = RUNS[name]
+    plant = make()
+    loop = mt.ClosedLoop(plant, mt.LinearFeedback([[1.0]]))
+    scenario = mt.Scenario(mt.Sinusoid([0.3]), plant.parameters_of(), horizon=0.1)
+    with pytest.raises(kind, match=said):
+        mt.rollout(loop, scenario, engine=engine)
+    assert all(record.levelno < logging.WARNING for record in caplog.records)  # torch's stack
 
 
 class FastArm(TwoLinkArm):

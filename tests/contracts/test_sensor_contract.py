@@ -60,7 +60,7 @@ BROKEN: dict[str, tuple[Callable[[], Sensor], str]] = {
     ),
     "a decision in Python": (
         lambda: reading(lambda self, seen: seen if bool(seen.sum() > 0) else seen * 1.0),
-        "line 1: read under torch.func.vmap .* fails",
+        "line 1: read under torch.func.vmap fails; a decision on data",
     ),
     "stairs without a slope": (
         lambda: reading(lambda self, seen: torch.round(seen / 0.1) * 0.1),

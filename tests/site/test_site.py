@@ -22,6 +22,8 @@ from tests.site.pages import DOCS, OUTSIDE, ROOT, blocks_of, pages
 OUT = DOCS / "_build" / "check"
 #: Not what the tests are about: cells and the gallery are run by `make docs`.
 QUICK = ("-D", "nb_execution_mode=off", "-D", "plot_gallery=False")
+#: A third of the build would be the contents beside each page, with every name of the reference.
+QUICK += ("-D", "toc_object_entries=0")
 
 
 class Page(HTMLParser):

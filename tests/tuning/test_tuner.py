@@ -57,6 +57,14 @@ def finished(run: Tuner) -> Tuner:
     return run
 
 
+def test_peaks_that_no_member_would_show_are_refused() -> None:
+    run = tuner()
+    late = dataclasses.replace(run.ensemble, effort_after=5.0)
+    with pytest.raises(mt.ConfigError, match="effort_after = 5 s: peaks count from there on"):
+        dataclasses.replace(run, ensemble=late, objective=Objective())
+    dataclasses.replace(run, ensemble=late, objective=Objective(peak_limit=None))
+
+
 @pytest.mark.parametrize("mode", MODES)
 def test_every_mode_goes_downhill(mode: str) -> None:
     run = finished(tuner(mode, iterations=5))

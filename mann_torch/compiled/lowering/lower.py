@@ -11,7 +11,9 @@ import torch
 from torch.fx import GraphModule
 from torch.fx import Node as Traced
 
+from ...telling import misread
 from ..graph.nodes import Graph, Node
+from ..real import DOUBLE
 from ..trace.telling import UntraceableError, source_of
 from .constants import Constants, random
 from .precision import check_precision, rounded
@@ -73,6 +75,12 @@ def _called(g: Graph, traced: Traced, values: dict[Traced, Any], constants: Cons
     name = str(traced.target).removeprefix("aten.")
     tensors = _tensors(name, traced)
     own = tensors[0].dtype
+    if own == torch.float32 and g.real is DOUBLE and traced in constants:
+        wrong = misread(constants.of(traced))
+        if wrong:
+            raise UntraceableError(
+                f"a float32 constant, {wrong}: give it dtype=torch.float64{source_of(traced)}"
+            )
     alike = own in kinds_of(g.real) or own == torch.int32
     if not alike and traced in constants:
         return _constant(g, constants.of(traced))

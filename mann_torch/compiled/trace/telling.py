@@ -1,20 +1,19 @@
-"""What stopped a trace, told with the line of the user's code that it came from."""
+"""What stopped a trace, and where in the user's code an operation of it comes from."""
 
 from __future__ import annotations
 
-import linecache
+import logging
 import os
 import re
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 
-import torch
 from torch.fx import Node
 
 from ...errors import MannError
+from ...telling import NOT_THEIRS
 
-_TORCH = os.path.dirname(torch.__file__)
-#: The compiler's own files are nobody's mistake.
-_HERE = os.path.dirname(os.path.dirname(__file__))
 _FRAME = re.compile(r'\s*File "(.+)", line (\d+), in (.+)')
 
 
@@ -22,38 +21,16 @@ class UntraceableError(MannError):
     """A step that cannot be compiled; the message says which operation, where, and why."""
 
 
-def explained(error: Exception) -> str:
-    """What stopped a trace, and the line of the user's code (or ours) it came from."""
-    text = " ".join(str(error).split())
-    if (
-        "data-dependent" in text
-        or "unallocated storage" in text
-        or "GuardOnDataDependent" in type(error).__name__
-    ):
-        what = "a decision on data (`if tensor`, `bool(tensor)`, `.item()`)"
-    elif "convert all Tensors to FakeTensors" in text:
-        what = "a tensor that is neither parameter nor buffer"
-    elif isinstance(error, MannError):
-        what = text
-    else:
-        what = f"{type(error).__name__}: {text[:160]}"
-    return what + _where(error)
-
-
-def _where(error: BaseException) -> str:
-    place, module, tb = None, None, error.__traceback__
-    while tb is not None:
-        name = tb.tb_frame.f_code.co_filename
-        if not name.startswith((_TORCH, _HERE)) and not name.startswith("<"):
-            place = (name, tb.tb_lineno)
-            owner = tb.tb_frame.f_locals.get("self")
-            module = type(owner).__name__ if isinstance(owner, torch.nn.Module) else module
-        tb = tb.tb_next
-    if place is None:
-        return ""
-    line = linecache.getline(*place).strip()
-    inside = f" in {module}" if module else ""
-    return f"{inside}, {os.path.basename(place[0])}:{place[1]}: {line}"
+@contextmanager
+def quiet() -> Iterator[None]:
+    """What fails is told once, by us: torch would print its stack besides."""
+    log = logging.getLogger("torch._subclasses.fake_tensor")
+    level = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
 
 
 def source_of(node: Node) -> str:
@@ -62,7 +39,7 @@ def source_of(node: Node) -> str:
     found = [
         frame
         for frame in traceback.StackSummary.from_list(_frames(trail))
-        if not frame.filename.startswith((_TORCH, _HERE))
+        if not frame.filename.startswith(NOT_THEIRS)
     ]
     if not found:
         return ""

@@ -22,8 +22,10 @@ from torch.autograd import forward_ad
 from torch.fx import GraphModule, Node
 from torch.nn.attention import SDPBackend, sdpa_kernel
 
+from ...errors import InterfaceError
+from ...telling import explained
 from .choosing import Choosing
-from .telling import UntraceableError, explained, source_of
+from .telling import UntraceableError, quiet, source_of
 
 #: A function of tensors to tensors, in flat lists.
 Function = Callable[[Sequence[Tensor]], Sequence[Tensor]]
@@ -184,13 +186,14 @@ def _traced(function: Callable[..., Any], examples: Sequence[Tensor]) -> GraphMo
             torch.inference_mode(False),
             sdpa_kernel(SDPBackend.MATH),  # attention in operations of its own
             Choosing(),
+            quiet(),
         ):
             made = _pure(function, examples)
             if any(map(_changes_operand, made.graph.nodes)):
                 # Left by what torch itself is made of, below functionalisation.
                 with torch.fx.traceback.preserve_node_meta():
                     made = _pure(torch.fx.Interpreter(made).run, examples)
-    except UntraceableError:
+    except (UntraceableError, InterfaceError):
         raise
     except Exception as error:  # of many kinds, few of them documented
         raise UntraceableError(explained(error)) from error

@@ -8,8 +8,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from ...errors import InterfaceError
 from ...functional import pick
-from ...trees import Packer, map_tensors
+from ...trees import Packer, difference, map_tensors
 from ...types import LoopMode, LoopState
 from ..closed_loop import ClosedLoop
 from ..conditions import Conditions
@@ -25,8 +26,17 @@ def flat_rates(
     here: Conditions,
     linearize: bool,
 ) -> tuple[Tensor, AnyBlock | None]:
-    """dy/dt (..., M), and the stiff block if asked for."""
-    rate, block = loop.flow(t, packer.unpack(y), mode, here, linearize)
+    """dy/dt (..., M), and the stiff block if asked for.
+
+    Raises `InterfaceError` for a part whose derivative is not of its state's form.
+    """
+    state = packer.unpack(y)
+    rate, block = loop.flow(t, state, mode, here, linearize)
+    for name, its, wanted in zip(state._fields, rate, state, strict=True):
+        told = difference(its, wanted, name)
+        if told is not None:
+            part = type(getattr(loop, name)).__name__
+            raise InterfaceError(f"{part}: the derivative is not of the state's form: {told}")
     return packer.pack(rate), block
 
 
