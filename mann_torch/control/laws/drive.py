@@ -19,7 +19,8 @@ class Drive(NamedTuple):
 
     Of features phi (..., N) r is 1, and every output has an error of its own; a regressor Y of
     mechanics (..., n, N) is Phi = Y', its estimate one column. All that a controller knows is here;
-    what a law asks for beyond regressor and error it names in `needs`.
+    what a law asks for beyond regressor and error it names in `needs`. It has no time: what changes
+    with it is a state of the law's own.
     """
 
     regressor: Tensor  # (..., N, r) Phi
