@@ -11,11 +11,11 @@ from torch import Tensor
 
 from .errors import MannError
 
-_HERE = os.path.dirname(__file__)
+_HERE = os.path.dirname(__file__) + os.sep
 #: Where nobody's mistake is looked for: torch, the compiler, what checks parts.
 NOT_THEIRS = (
     os.path.dirname(torch.__file__),
-    *(os.path.join(_HERE, room) + os.sep for room in ("compiled", "testing")),
+    *(_HERE + room + os.sep for room in ("compiled", "testing")),
 )
 #: How torch says, in its various ways of running code, that Python asked for a tensor's value.
 _DECIDES = (
@@ -41,11 +41,17 @@ def explained(error: Exception) -> str:
 
 
 def place_of(error: BaseException) -> str:
-    """` in Part, file.py:12: the line`, as far as it is known."""
-    place, module, tb = None, None, error.__traceback__
+    """` in Part, file.py:12: the line`, as far as it is known.
+
+    Of an error that this library raises on purpose it is the line that called us.
+    """
+    ours = isinstance(error, MannError)
+    place, module, met, tb = None, None, not ours, error.__traceback__
     while tb is not None:
         name = tb.tb_frame.f_code.co_filename
-        if not name.startswith((*NOT_THEIRS, "<")):
+        if name.startswith(_HERE):
+            met = True  # what is above it is whoever called for all of this
+        if met and not name.startswith((*NOT_THEIRS, "<", *([_HERE] if ours else []))):
             place = (name, tb.tb_lineno)
             owner = tb.tb_frame.f_locals.get("self")
             module = type(owner).__name__ if isinstance(owner, torch.nn.Module) else module
