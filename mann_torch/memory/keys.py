@@ -122,5 +122,5 @@ class StateKeys(KeyRule):
 
 def key_rule_of(value: object) -> KeyRule:
     """`value`, if it is one. Raises `KindError`."""
-    known = "StateKeys(), RepresentationKeys() or one of your own"
-    return instance("key_rule", value, KeyRule, f"a KeyRule: {known}")
+    known = "a KeyRule: StateKeys(), RepresentationKeys() or one of your own"
+    return instance("key_rule", value, KeyRule, known)

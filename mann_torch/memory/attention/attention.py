@@ -69,5 +69,7 @@ class Attention(Interface, DesignModule):
 
 def attention_of(value: object) -> Attention:
     """`value`, if it is one. Raises `KindError`."""
-    known = "SoftAttention(), HardAttention(), ReallocatingAttention() or one of your own"
-    return instance("attention", value, Attention, f"an Attention: {known}")
+    known = (
+        "an Attention: SoftAttention(), HardAttention(), ReallocatingAttention() or one of your own"
+    )
+    return instance("attention", value, Attention, known)
