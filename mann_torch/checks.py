@@ -156,6 +156,8 @@ def instance(name: str, value: Any, kind: Callable[..., Kind], wanted: str = "")
     """
     cls = cast(type[Kind], kind)
     if not isinstance(value, cls):
+        if cls is torch.Tensor and isinstance(value, np.ndarray):
+            wanted = wanted or "a Tensor, as torch.as_tensor makes one of an array"
         article = "an" if cls.__name__[0] in "AEIOU" else "a"
         raise wrong(name, value, wanted or f"{article} {cls.__name__}")
     if isinstance(value, torch.nn.Module) and "_modules" not in vars(value):
@@ -177,11 +179,11 @@ def several(name: str, value: Any, kind: Callable[..., Kind], wanted: str = "") 
     return [instance(f"{name}[{i}]", each, kind, wanted) for i, each in enumerate(rows)]
 
 
-def named(name: str, value: Any, kind: Callable[..., Kind]) -> dict[str, Kind]:
+def named(name: str, value: Any, kind: Callable[..., Kind], wanted: str = "") -> dict[str, Kind]:
     """A mapping from names to instances of `kind`, as a dict. Raises `KindError`."""
     if not isinstance(value, Mapping):
-        raise wrong(name, value, f"a mapping from names to {kind.__name__}")
+        raise wrong(name, value, f"a mapping from names to {wanted or kind.__name__}")
     return {
-        text(f"a name in {name}", key): instance(f"{name}[{key!r}]", each, kind)
+        text(f"a name in {name}", key): instance(f"{name}[{key!r}]", each, kind, wanted)
         for key, each in value.items()
     }

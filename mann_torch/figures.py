@@ -26,9 +26,10 @@ def memory_figure(
 ) -> Figure:
     """Attention over time, resets in red, and below it every slot's contents as a heat map.
 
-    `runs` are arrays (T, .) by name, as `MemoryTrace.member` gives them: `weights`, `mu` and
-    `reset`. `t` (T,) are their times, 0, 1, 2 ... if not given; `marks` times at which the task
-    changed. For TensorBoard: `writer.add_figure("memory", memory_figure({"cell": member}))`.
+    `runs` are arrays (T, .) by name, as `MemoryTrace.member` gives them: `weights`, `mu`, and where
+    there are any `reset`, and `valid`: steps that were not taken are left blank. `t` (T,) are their
+    times, 0, 1, 2 ... if not given; `marks` times at which the task changed. For TensorBoard:
+    `writer.add_figure("memory", memory_figure({"cell": member}))`.
 
     Raises `ConfigError` for no run or one without its arrays, `KindError`.
 
@@ -38,11 +39,11 @@ def memory_figure(
     >>> len(memory_figure({"second": trace.member(1)}).axes)
     4
     """
-    named("runs", runs, Mapping)
-    if not runs or not all({"weights", "mu", "reset"} <= set(run) for run in runs.values()):
-        raise ConfigError("runs: give at least one, each with `weights`, `mu` and `reset`")
+    named("runs", runs, Mapping, 'a run\'s arrays by name: {"name": trace.member(i)}')
+    if not runs or not all({"weights", "mu"} <= set(run) for run in runs.values()):
+        raise ConfigError("runs: give at least one, each with `weights` and `mu`")
     for key, run in runs.items():
-        for name in ("weights", "mu", "reset"):
+        for name in {"weights", "mu", "reset", "valid"} & set(run):
             if not isinstance(run[name], np.ndarray):
                 raise wrong(f"runs[{key!r}][{name!r}]", run[name], "an array")
     t = None if t is None else _numbers("t", t)
@@ -81,20 +82,28 @@ def _numbers(name: str, given: object) -> np.ndarray:
 
 
 def _attention(ax: Axes, run: Mapping[str, np.ndarray], t: np.ndarray, name: str) -> None:
-    _map(ax, run["weights"], t, run["weights"].shape[-1], "Blues", "$w_r$", (0.0, 1.0))
-    at = np.flatnonzero(run["reset"] >= 0)
-    size = 5.0 if len(at) < 50 else 2.0
-    ax.plot(t[at], run["reset"][at] + 1, "o", color="tab:red", ms=size, mew=0)
-    ax.set_title(f"{name}: attention, resets in red", fontsize="medium")
+    _map(ax, _rows(run, "weights"), t, run["weights"].shape[-1], "Blues", "$w_r$", (0.0, 1.0))
+    if "reset" in run:
+        at = np.flatnonzero(run["reset"] >= 0)
+        size = 5.0 if len(at) < 50 else 2.0
+        ax.plot(t[at], run["reset"][at] + 1, "o", color="tab:red", ms=size, mew=0)
+    title = "attention, resets in red" if "reset" in run else "attention"
+    ax.set_title(f"{name}: {title}", fontsize="medium")
     ax.set_ylabel("slot")
 
 
 def _contents(ax: Axes, run: Mapping[str, np.ndarray], t: np.ndarray) -> None:
     n_slots, width = run["mu"].shape[-2:]
-    _map(ax, run["mu"].reshape(len(t), -1), t, n_slots, "viridis", r"$\mu$")
+    _map(ax, _rows(run, "mu"), t, n_slots, "viridis", r"$\mu$")
     for edge in range(1, n_slots):
         ax.axhline(edge + 0.5, color="w", lw=0.8)
     ax.set_ylabel(rf"slot: $\mu_i$, {width} numbers each")
+
+
+def _rows(run: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+    """A signal as numbers (T, rows), NaN where no step was taken."""
+    rows = run[name].reshape(len(run[name]), -1)
+    return np.where(run["valid"][:, None], rows, np.nan) if "valid" in run else rows
 
 
 def _map(

@@ -28,6 +28,29 @@ def test_it_shows_weights_contents_and_resets_of_the_member(trace: mt.memory.Mem
     assert len(step) > 0
 
 
+def test_an_attention_that_never_resets_needs_no_resets(trace: mt.memory.MemoryTrace) -> None:
+    run = {name: rows for name, rows in trace.member(1).items() if name != "reset"}
+    top = mt.memory_figure({"cell": run}).axes[0]
+    assert not top.lines and top.get_title() == "cell: attention"
+    with pytest.raises(mt.ConfigError, match="each with `weights` and `mu`"):
+        mt.memory_figure({"cell": {"mu": run["mu"]}})
+
+
+def test_steps_that_were_not_taken_are_blank() -> None:
+    x = randn(12, 2, 3).float()
+    trace = mt.MemorySequence(mt.MemoryCell(3, 6, 4)).trace(x, lengths=[12, 5])
+    top, bottom = mt.memory_figure({"cell": trace.member(1)}).axes[:2]
+    for ax in (top, bottom):
+        assert ax.images[0].get_array().mask.all(0).tolist() == [False] * 5 + [True] * 7
+        assert not ax.images[0].get_array().mask[:, :5].any()
+
+
+def test_a_member_without_a_name_is_told_to_have_one(trace: mt.memory.MemoryTrace) -> None:
+    for given in (trace.member(1), trace, {"cell": trace}):
+        with pytest.raises(mt.KindError, match=r'\{"name": trace\.member\(i\)\}'):
+            mt.memory_figure(given)
+
+
 @pytest.mark.parametrize("count", [1, 3, 4])
 def test_every_memory_has_its_place(trace: mt.memory.MemoryTrace, count: int) -> None:
     runs = {f"memory {i}": trace.member(i % 2) for i in range(count)}

@@ -150,9 +150,10 @@ def note(cfg: PeersConfig, missing: Mapping[str, str]) -> str:
         "new sequences; relative RMSE: in parts of the RMS of what was to be answered. Better, "
         f"worse: than {BASELINE}, paired by seed, at 95 %, not corrected for their number. All see "
         "the same sequences, and have a width (size) that gives them the parameters of `memory`. "
-        "Training ends with the iterations, or when two evaluations running find all right; its "
-        "time is one thread's, without evaluations; start: the first pass and gradient, compiling "
-        "included, the longest of the seeds. To its best: time and iterations to the first "
+        "Training ends after the iterations that a task has, or sooner, once two evaluations in a "
+        "row have found every answer right; its time is one thread's, without evaluations; start: "
+        "the first pass and gradient, compiling included, the longest of the seeds. To its best: "
+        "time and iterations to the first "
         f"evaluation (every {cfg.every} iterations, {cfg.evaluated} sequences) within 0.01 of the "
         f"best accuracy, or 1 % of the best error. Rates of Adam: {rates}.{told}{lost}"
     )

@@ -7,6 +7,7 @@ from abc import abstractmethod
 import torch
 from torch import Tensor
 
+from ..checks import instance
 from ..constraints import DesignModule, Positive
 from ..errors import ConfigError
 from ..functional import Numbers
@@ -117,3 +118,9 @@ class StateKeys(KeyRule):
     def fresh_keys(self, context: Tensor) -> Tensor:
         """The context itself (..., C)."""
         return context
+
+
+def key_rule_of(value: object) -> KeyRule:
+    """`value`, if it is one. Raises `KindError`."""
+    known = "a KeyRule: StateKeys(), RepresentationKeys() or one of your own"
+    return instance("key_rule", value, KeyRule, known)

@@ -13,9 +13,9 @@ from ..constraints import DesignModule, Positive
 from ..errors import ConfigError, ShapeError
 from ..functional import Numbers, blend, frobenius, infinity_distances, per_matrix, row_times
 from ..types import MemoryMode, MemoryOutput, MemoryState, Proximity
-from .attention.attention import Attention
+from .attention.attention import Attention, attention_of
 from .checks import Row, check_together
-from .keys import KeyRule, RepresentationKeys
+from .keys import KeyRule, RepresentationKeys, key_rule_of
 
 RESETS = ("scaled", "raw")
 
@@ -54,8 +54,8 @@ class WorkingMemory(DesignModule):
         self.n_slots, self.n_hidden = n_slots, n_hidden
         self.context_width = context_width = whole("context_width", context_width, least=0)
         self.reset = choice("reset", reset, RESETS)
-        self.attention = instance("attention", attention, Attention)
-        self.key_rule = instance("key_rule", key_rule, KeyRule)
+        self.attention = attention_of(attention)
+        self.key_rule = key_rule_of(key_rule)
         self.write_gain: Tensor
         self.declare("write_gain", write_gain, Positive())
         self.initial_mu: Tensor

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..checks import flag, function, instance, whole
+from ..checks import flag, function, instance, whole, wrong
 from ..deployment import Stepper
 from ..errors import ConfigError, ShapeError
 from .extras import extra
@@ -113,6 +113,13 @@ def start_of(stepper: Stepper, weights: Any, state: Tensor | None) -> Callable[[
     return lambda reference, measurement: state
 
 
+def pair_of(given: Any) -> tuple[Any, Any]:
+    """Action and state that a policy gave. Raises `KindError` for anything else."""
+    if not isinstance(given, tuple) or len(given) != 2:
+        raise wrong("what the policy gave", given, "(action, state), the state None without one")
+    return given
+
+
 def run_episode(env: Any, policy: Policy, seed: int | None = None) -> Run:
     """One episode of a `PlantEnv` (wrapped or not) under a policy. Raises `KindError`."""
     instance("env", env, extra("gymnasium").Env, "a Gymnasium environment")
@@ -123,7 +130,7 @@ def run_episode(env: Any, policy: Policy, seed: int | None = None) -> Run:
     observations, told, actions, rewards = [seen], [info], [], []
     state, terminated, truncated = None, False, False
     while not (terminated or truncated):
-        action, state = policy(seen, state)
+        action, state = pair_of(policy(seen, state))
         seen, reward, terminated, truncated, info = env.step(action)
         observations.append(seen)
         told.append(info)

@@ -110,7 +110,7 @@ class World:
         # A function is asked once, for the sizes of what it gives.
         first = self.drawn(np.random.default_rng(0))
         ((example, _),) = self._known.values()
-        self._obstacle = check_engine(self.loop, example, self.solver, engine)
+        self.obstacle = check_engine(self.loop, example, self.solver, engine)
         self._insisted = engine == "compiled"
         moment = Episodes(self.loop, self.solver, [first], self.limit).now
         measured, sample = moment.seen.measurement, moment.seen.reference
@@ -139,9 +139,7 @@ class World:
 
     def begun(self, episodes: Sequence[Episode]) -> Episodes:
         """Episodes side by side, at their start."""
-        return Episodes(
-            self.loop, self.solver, episodes, self.limit, self._obstacle, self._insisted
-        )
+        return Episodes(self.loop, self.solver, episodes, self.limit, self.obstacle, self._insisted)
 
     def rewards(self, moment: Moment) -> np.ndarray[Any, np.dtype[np.float64]]:
         """(B,). Raises `ConfigError` for a reward that is not one number an episode."""
@@ -188,8 +186,13 @@ class Shown:
 
     @property
     def engine_reason(self) -> str | None:
-        """Why steps run in eager torch; None where they are compiled, or none was taken yet."""
-        return None if self._episodes is None else self._episodes.steps.obstacle
+        """Why steps run in eager torch; None where they are compiled."""
+        return self._world.obstacle if self._episodes is None else self._episodes.steps.obstacle
+
+    @property
+    def engine(self) -> str:
+        """What takes the steps, "compiled" or "torch"; the first of them may change it."""
+        return "compiled" if self.engine_reason is None else "torch"
 
     @property
     def layout(self) -> Layout:

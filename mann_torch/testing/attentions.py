@@ -5,8 +5,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ..checks import instance
 from ..memory import Attention, KeyRule, RepresentationKeys
+from ..memory.attention.attention import attention_of
+from ..memory.keys import key_rule_of
 from ..types import Shift
 from .attention_bench import (
     SLOTS,
@@ -32,8 +33,8 @@ def check_attention(attention: Attention, key_rule: KeyRule | None = None) -> No
     Tried on 5 slots, compared as the key rule does, `RepresentationKeys()` if not given. Raises
     `KindError` for what is no `Attention` or `KeyRule`.
     """
-    instance("attention", attention, Attention)
-    rule = RepresentationKeys() if key_rule is None else instance("key_rule", key_rule, KeyRule)
+    attention_of(attention)
+    rule = RepresentationKeys() if key_rule is None else key_rule_of(key_rule)
     check_held(attention, 2)
     for name in ("reallocates", "switches", "starts_full", "graded"):
         value = getattr(attention, name)

@@ -93,6 +93,11 @@ def test_settings_that_contradict_each_other_are_named() -> None:
     with pytest.raises(mt.ConfigError, match="writing"):
         make(writing="last")
     assert make(attention=mt.ReallocatingAttention()).writing == "attended"
+    for given in ("hard", mt.HardAttention):
+        with pytest.raises(mt.KindError, match=r"attention = .*: SoftAttention\(\), Hard"):
+            make(attention=given)
+    with pytest.raises(mt.KindError, match=r"key_rule = 'state': .*: StateKeys\(\), Rep"):
+        make(key_rule="state")
 
 
 # -- learning -----------------------------------------------------------------------------------

@@ -106,10 +106,11 @@ def test_a_trace_starts_where_it_is_told_and_records_every_count(name: str) -> N
 
 def test_a_member_that_is_not_there_is_named() -> None:
     trace = mt.MemorySequence(make_cell()).trace(randn(5, 2, WIDTH))
-    for index in ((), (2,), (0, 0)):
-        with pytest.raises(mt.ShapeError, match="member"):
+    one_each, outside = "give one index each", r"a batch of \(2,\): out of range"
+    for index, said in (((), one_each), ((2,), outside), ((-3,), outside), ((0, 0), one_each)):
+        with pytest.raises(mt.ShapeError, match=said):
             trace.member(*index)
-        with pytest.raises(mt.ShapeError, match="member"):
+        with pytest.raises(mt.ShapeError, match=said):
             mt.memory.reallocation_log(trace, *index)
 
 
@@ -123,3 +124,60 @@ def test_without_a_batch_it_takes_rows_of_time_as_an_lstm_does() -> None:
         mt.MemorySequence(cell)(x[:0])
     with pytest.raises(mt.ConfigError, match="MemoryCell"):
         mt.MemorySequence(nn.LSTMCell(3, 4))
+    with pytest.raises(mt.KindError, match=r"cell = 3: must be .*MemoryLayers\(3, 8\) takes sizes"):
+        mt.MemorySequence(3, 8)
+
+
+@pytest.mark.parametrize("name", ["reallocating_always", "default"])
+def test_a_trace_takes_the_marks_that_a_call_takes(name: str) -> None:
+    torch.manual_seed(0)
+    cell = mt.MemoryCell(WIDTH, N, S, dtype=torch.float64)
+    cell = cell if name == "default" else make_cell(name)
+    sequence, x, ends = (
+        mt.MemorySequence(cell, engine="torch"),
+        4 * randn(20, 3, WIDTH),
+        [20, 7, 13],
+    )
+    reset, valid = torch.zeros(20, 3, dtype=torch.bool), torch.ones(20, 3, dtype=torch.bool)
+    reset[9, 0], valid[4, 0] = True, False
+    x[7:, 1], x[4, 0] = torch.nan, torch.nan
+    marks = {"lengths": ends, "reset": reset, "valid": valid}
+    outputs, last = sequence(x, **marks)
+    trace = sequence.trace(x, **marks)
+    if name != "default":  # what is read is the output
+        assert torch.equal(trace.read, outputs.detach())
+    for leaf in ("mu", "keys", "active", "attended", "switches", "reallocations"):
+        assert torch.equal(getattr(trace, leaf)[-1], getattr(last, leaf).detach()), leaf
+    for leaf in trace:
+        assert bool(torch.isfinite(leaf).all())
+    taken = valid & (torch.arange(20).unsqueeze(-1) < torch.tensor(ends))
+    assert torch.equal(trace.valid, taken) and int(taken.sum()) == 39
+    assert bool((trace.weights.sum(-1)[taken] > 0.99).all())
+    assert not trace.weights[~taken].any() and not trace.read[~taken].any()
+    assert bool((trace.reset[~taken] == -1).all())
+    assert torch.equal(trace.mu[4, 0], trace.mu[3, 0])  # stands still
+    assert torch.equal(trace.mu[7:, 1], trace.mu[6, 1].expand_as(trace.mu[7:, 1]))
+    fresh = sequence.trace(x[9:, :1])
+    torch.testing.assert_close(trace.mu[9:, :1], fresh.mu, rtol=0, atol=1e-13)
+    assert torch.equal(trace.reset[9:, :1], fresh.reset)
+    turned = mt.MemorySequence(cell, True, "torch").trace(
+        x.transpose(0, 1), lengths=ends, reset=reset.T, valid=valid.T
+    )
+    assert all(torch.equal(a, b) for a, b in zip(turned, trace, strict=True))
+    packed = nn.utils.rnn.pack_padded_sequence(x, torch.tensor(ends), enforce_sorted=False)
+    again = sequence.trace(packed, reset=reset, valid=valid)
+    assert all(torch.equal(a, b) for a, b in zip(again, trace, strict=True))
+
+
+@pytest.mark.parametrize("engine", ["auto", "compiled", "torch"])
+def test_a_batch_without_a_sample_gives_none(engine: str) -> None:
+    cell = make_cell("reallocating_always")
+    sequence, x = mt.MemorySequence(cell, engine=engine), randn(5, 0, WIDTH).requires_grad_()
+    outputs, state = sequence(x, lengths=[])
+    assert outputs.shape == (5, 0, N) and state.mu.shape == (0, S, N)
+    outputs.sum().backward()
+    assert x.grad is not None and x.grad.shape == x.shape
+    assert sequence.trace(x).mu.shape == (5, 0, S, N)
+    assert sequence(randn(5, 2, WIDTH))[0].shape == (5, 2, N)
+    layers = mt.MemoryLayers(WIDTH, N, 2, engine=engine, dtype=torch.float64)
+    assert layers(x)[0].shape == (5, 0, N)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 
+import numpy as np
 import pytest
 import torch
 
@@ -77,9 +78,20 @@ def test_what_does_not_fit_is_named() -> None:
             stream(wrong, state)
     with pytest.raises(mt.ShapeError, match="state has shape"):
         stream(x, state[1:])
-    for bad, words in ((x.float(), "x is torch.float32"), (x.long(), "x is torch.int64")):
+    remedy = r", this stream takes torch.float64: convert x, or the cell before a stream"
+    for bad, words in ((x.float(), "x is torch.float32"), (x.long(), "x is torch.int64" + remedy)):
         with pytest.raises(mt.DtypeError, match=words):
             stream(bad, state)
+    for other in (None, default().initial_state(2), state.numpy()):
+        with pytest.raises(
+            mt.KindError, match=r"state = .*initial_state\(\) gives .*packed\(...\)"
+        ):
+            stream(x, other)
+    for call in (lambda: stream(x.numpy(), state), lambda: stream.begun(state, np.ones(2, bool))):
+        with pytest.raises(mt.KindError, match=r"must be a Tensor, as torch\.as_tensor"):
+            call()
+    with pytest.raises(mt.ConfigError, match=r"batch_shape = \(2, 0\): a stream needs a sample"):
+        mt.MemoryStream(default(), (2, 0))
     with pytest.raises(mt.DtypeError, match="state is"):
         stream(x, state.float())
     with pytest.raises(mt.ShapeError, match="dt"):

@@ -160,7 +160,14 @@ CALLS: dict[str, Call] = {
     ),
     "MemorySequence.trace": (
         SEQUENCE.trace,
-        {"x": randn(5, 2, 3), "state": STATE, "dt": torch.ones(5, 2)},
+        {
+            "x": randn(5, 2, 3),
+            "state": STATE,
+            "dt": torch.ones(5, 2),
+            "lengths": [5, 3],
+            "reset": torch.zeros(5, 2, dtype=torch.bool),
+            "valid": torch.ones(5, 2, dtype=torch.bool),
+        },
     ),
     "reallocation_log": (lambda trace: memory.reallocation_log(trace, 1), {"trace": TRACE}),
     "MemoryTrace.member": (lambda index: member(index), {"index": 1}),

@@ -153,6 +153,22 @@ def test_a_reward_of_ones_own_sees_the_moment() -> None:
         )
 
 
+@pytest.mark.parametrize("given", [np.ones(1), np.ones(2), 1.0, None, (np.ones(1),)])
+def test_a_policy_that_gives_no_pair_is_told_so(given: Any) -> None:
+    with pytest.raises(mt.KindError, match=r"what the policy gave = .*must be \(action, state\)"):
+        run_episode(PlantEnv(**cart()), lambda seen, state: given)
+
+
+def test_it_says_which_engine_takes_the_steps() -> None:
+    env = PlantEnv(**cart())
+    assert (env.engine, env.engine_reason) == ("torch", "asked for")
+    env = PlantEnv(**cart(engine="auto"))
+    assert (env.engine, env.engine_reason) == ("compiled", None)
+    env.reset(seed=0)
+    env.step(np.zeros(1))
+    assert (env.engine, env.engine_reason) == ("compiled", None)
+
+
 def test_gymnasiums_wrappers_fit() -> None:
     env = PlantEnv(**cart(1.0, actuator=mt.Actuator(1, limit=3.0)))
     wrapped = gymnasium.wrappers.RescaleAction(

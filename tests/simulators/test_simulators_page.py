@@ -9,10 +9,14 @@ import pytest
 import torch
 
 import mann_torch as mt
+from mann_torch.plants import DoubleIntegrator
 from tests.pages import executed
 
 pytest.importorskip("gymnasium", reason="an extra: pip install mann_torch[simulators]")
 pytest.importorskip("mujoco", reason="an extra: pip install mann_torch[simulators]")
+
+
+from mann_torch.simulators import PlantEnv, run_episode
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +39,23 @@ def test_draws_follow_from_the_seed(page: dict[str, Any]) -> None:
     assert np.array_equal(page["first"], page["again"])
     assert not np.array_equal(page["first"], page["another"])
     assert page["seen"].shape == (64, 10) and page["reward"].shape == (64,)
+
+
+def test_observations_are_converted_and_engines_told(page: dict[str, Any]) -> None:
+    envs, cell = page["envs"], page["cell"]
+    assert page["seen"].dtype == np.float64 and page["actions"].dtype == torch.float32
+    assert page["actions"].shape == envs.action_space.shape
+    with pytest.raises(mt.DtypeError, match=r"x is torch\.float64, this cell takes torch\.float32"):
+        cell(torch.as_tensor(page["seen"]))
+    assert (envs.engine, envs.engine_reason) == ("compiled", None)
+
+
+def test_the_default_period_is_the_one_that_is_told_and_the_last_one_may_be_short() -> None:
+    plant = DoubleIntegrator()
+    scenario = mt.Scenario(mt.Sinusoid([1.0]), plant.parameters_of(), horizon=0.025)
+    env = PlantEnv(plant, scenario)
+    run = run_episode(env, lambda seen, state: (np.ones(1), state))
+    np.testing.assert_allclose(run.t, [0.0, 0.01, 0.02, 0.025], rtol=0, atol=1e-12)
 
 
 def test_mujoco_agrees(page: dict[str, Any]) -> None:

@@ -76,6 +76,47 @@ def test_each_attention_keeps_its_contract(page: dict[str, Any], name: str) -> N
 
 
 def test_the_memory_pages_ode_is_one_step_of_the_cell() -> None:
-    assert 0.0 <= float(executed("memory.md")["printed"]) < 1e-6
-    pictures = re.findall(r"!\[[^]]*\]\(([^)]+)\)", text_of("memory.md"))
-    assert len(pictures) >= 2 and all((DOCS / name).exists() for name in pictures)
+    assert 0.0 <= float(executed("memory.md")["printed"].split()[-1]) < 1e-6
+
+
+def test_the_memory_pages_example_learns_which_symbol_came_first() -> None:
+    found = executed("memory.md")
+    symbols = torch.randint(4, (256, 30), generator=torch.Generator().manual_seed(5))
+    with torch.no_grad():  # new sequences; an LSTM guesses one of four
+        outputs, _ = found["memory"](torch.nn.functional.one_hot(symbols, 4).float())
+        right = found["head"](outputs[:, -1]).argmax(-1) == symbols[:, 0]
+    assert float(right.double().mean()) > 0.95
+
+
+def test_pictures_of_the_pages_on_the_memory_are_there() -> None:
+    pictures = re.findall(r"!\[[^]]*\]\(([^)]+)\)", text_of("peers.md"))
+    assert len(pictures) >= 5 and all((DOCS / name).exists() for name in pictures)
+
+
+def test_the_memory_pages_figures_are_those_of_the_tables() -> None:
+    """Its five lines repeat numbers of docs/peers.md and BENCHMARKS.md."""
+    said = text_of("memory.md").split("```")[0]
+    tables = text_of("peers.md").split("## Online")[0].split("\n### ")[1:]
+    cells = {}
+    for table in tables:
+        lines = [line for line in table.splitlines() if line.startswith("| ")]
+        head, *rows = [[cell.strip() for cell in line.strip("| ").split("|")] for line in lines]
+        cells |= {(table.split()[0], row[0]): dict(zip(head, row, strict=True)) for row in rows}
+
+    def shown(task: str, model: str, column: str) -> str:
+        return cells[task, model][column].split()[0]
+
+    iterations = "to its best [iterations]"
+    assert f"after {shown('recall', 'memory', iterations)} iterations" in said
+    assert f"LSTM: {float(shown('recall', 'lstm', 'accuracy')):.0%}".replace("%", " %") in said
+    assert f"after {cells['recall', 'lstm']['iterations']})" in said
+    assert f"({shown('gap', 'memory', 'accuracy')}; LSTM: guessing" in said
+    assert f"({shown('copy', 'memory', 'accuracy')} at this size" in said
+    low, high = (shown(task, "attention", iterations) for task in ("copy", "gap"))
+    assert f"in {low} to {high} iterations" in said
+    errors = (shown("returning", model, "relative RMSE") for model in ("attention", "memory"))
+    assert "({} against {}".format(*errors) in said
+    measured = (DOCS.parent / "BENCHMARKS.md").read_text().split("## The memory beside")[1]
+    row = next(line for line in measured.splitlines() if line.startswith("| default"))
+    (ratio,) = re.findall(r"costs\*\* ([\d.]+) times", said)
+    assert abs(float(ratio) - float(row.split("|")[4].split()[0])) < 0.051

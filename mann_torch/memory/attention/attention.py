@@ -7,6 +7,7 @@ from abc import abstractmethod
 import torch
 from torch import Tensor
 
+from ...checks import instance
 from ...constraints import DesignModule
 from ...interface import Interface
 from ...types import Comparison, MemoryMode, Shift
@@ -64,3 +65,11 @@ class Attention(Interface, DesignModule):
         -inf where no reset can come. `distances` as in `decide_shift`.
         """
         return torch.full_like(distances[..., 0], -torch.inf)
+
+
+def attention_of(value: object) -> Attention:
+    """`value`, if it is one. Raises `KindError`."""
+    known = (
+        "an Attention: SoftAttention(), HardAttention(), ReallocatingAttention() or one of your own"
+    )
+    return instance("attention", value, Attention, known)

@@ -16,7 +16,7 @@ from ...types import MemoryState
 from ..attention.attention import Attention
 from ..attention.soft import SoftAttention
 from ..checks import Sizes, check_tensor, common_batch, exactly
-from ..keys import KeyRule, RepresentationKeys, StateKeys
+from ..keys import KeyRule, RepresentationKeys, StateKeys, key_rule_of
 from ..working_memory import WorkingMemory
 from .cell_flow import CellFlow
 from .cell_state import Attended, CellState, state_of
@@ -102,7 +102,7 @@ class MemoryCell(CellFlow):
         attention = SoftAttention() if attention is None else attention
         key_rule = StateKeys() if key_rule is None else key_rule
         width = self._make_context(
-            instance("key_rule", key_rule, KeyRule), context_size, flag("directions", directions)
+            key_rule_of(key_rule), context_size, flag("directions", directions)
         )
         self.memory = WorkingMemory(
             n_slots, hidden_size, attention, key_rule, width, write_gain, reset

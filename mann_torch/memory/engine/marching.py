@@ -42,8 +42,8 @@ class SequenceStep:
         marks = Marks(*(next(marked) > 0.5 if there else None for there in self._marked))
         looked, state = Looked(*given.segments[:count]), CellState(*given.carry[1:])
         with with_tensors(self._cell, dict(zip(self._names, given.constants, strict=True))):
-            _, read, after = stepped(self._cell, looked, state, marks)
-            return [read, *after]
+            _, seen, after = stepped(self._cell, looked, state, marks)
+            return [seen.read, *after]
 
 
 def run(

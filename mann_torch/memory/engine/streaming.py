@@ -114,7 +114,7 @@ class Streamed:
 
     def _span_of(self, dt: Tensor | float) -> Tensor:
         if isinstance(dt, Tensor) and dt.dtype != self._cell.dtype:
-            raise DtypeError(f"dt is {dt.dtype}, this stream takes {self._cell.dtype}")
+            raise DtypeError(f"dt is {dt.dtype}, this stream takes {self._cell.dtype}: convert dt")
         given = torch.as_tensor(dt, dtype=self._cell.dtype).detach()
         check_within("dt", tuple(given.shape), tuple(self._batch))
         return given.expand(self._batch).reshape(-1, 1)

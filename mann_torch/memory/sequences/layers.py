@@ -99,11 +99,9 @@ class MemoryLayers(nn.Module):
         and `ConfigError` for a `reset` where cells go both ways: an episode's first step is not its
         last one's.
         """
-        padded = Padded.of(x) if isinstance(x, PackedSequence) else None
+        padded = Padded.of(x, lengths) if isinstance(x, PackedSequence) else None
         swaps = padded is None and self.batch_first and isinstance(x, Tensor) and x.dim() > 2
         steps = padded.x if padded is not None else instance("x", x, Tensor)
-        if padded is not None and lengths is not None:
-            raise ConfigError("lengths: a packed sequence has its own")
         if padded is not None:
             lengths = padded.lengths
         given_marks = (("dt", dt), ("reset", reset), ("valid", valid))

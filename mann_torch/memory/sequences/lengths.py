@@ -24,10 +24,11 @@ class Padded(NamedTuple):
     form: PackedSequence
 
     @classmethod
-    def of(cls, packed: PackedSequence) -> Padded:
-        """Samples in the order in which they were packed."""
-        x, lengths = pad_packed_sequence(packed)
-        return cls(x, lengths, packed)
+    def of(cls, packed: PackedSequence, lengths: Lengths | None) -> Padded:
+        """Samples in the order in which they were packed. Raises `ConfigError` for lengths, too."""
+        if lengths is not None:
+            raise ConfigError("lengths: a packed sequence has its own")
+        return cls(*pad_packed_sequence(packed), packed)
 
     def packed(self, outputs: Tensor) -> PackedSequence:
         """Outputs (T, B, M) in the form of what came in."""
@@ -50,6 +51,7 @@ def valid_steps(
             lengths = torch.as_tensor(lengths)
         except (TypeError, ValueError, RuntimeError):
             raise DtypeError(f"lengths = {lengths!r}: {_WHOLE}") from None
+        lengths = lengths if lengths.numel() else lengths.long()  # torch takes [] for floats
     if lengths.is_floating_point() or lengths.is_complex() or lengths.dtype == torch.bool:
         raise DtypeError(f"lengths are {lengths.dtype}: {_WHOLE}")
     if tuple(lengths.shape) != tuple(batch):

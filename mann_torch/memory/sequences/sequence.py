@@ -20,6 +20,7 @@ from .telemetry import MemoryTrace
 
 log = logging.getLogger("mann_torch")
 ENGINES = ("auto", "compiled", "torch")
+CELL = "a MemoryCell, as in MemorySequence(MemoryCell(3, 8)); MemoryLayers(3, 8) takes sizes"
 
 
 class Taken(NamedTuple):
@@ -63,7 +64,7 @@ class MemorySequence(nn.Module):
 
     def __init__(self, cell: MemoryCell, batch_first: bool = False, engine: str = "auto") -> None:
         super().__init__()
-        self.cell = instance("cell", cell, MemoryCell)
+        self.cell = instance("cell", cell, MemoryCell, CELL)
         self.batch_first = flag("batch_first", batch_first)
         self.engine = choice("engine", engine, ENGINES)
 
@@ -92,9 +93,7 @@ class MemorySequence(nn.Module):
         `KernelError` where the compiled engine is asked for and can't take it.
         """
         if isinstance(x, PackedSequence):
-            if lengths is not None:
-                raise ConfigError("lengths: a packed sequence has its own")
-            padded = Padded.of(x)
+            padded = Padded.of(x, lengths)
             own = MemorySequence(self.cell, engine=self.engine)
             outputs, last = own(
                 padded.x, state, dt, lengths=padded.lengths, reset=reset, valid=valid
@@ -127,6 +126,8 @@ class MemorySequence(nn.Module):
         from ..engine.held import obstacle
 
         reason = obstacle(self.cell, self.cell.stepped, begun.looked.hidden.device)
+        if reason is None and begun.state.attended.numel() == 0:
+            return self._eager(begun, "there is no sample to compile a step for")
         if reason is None:
             try:
                 with exactly(begun.looked.hidden.device):
@@ -144,23 +145,36 @@ class MemorySequence(nn.Module):
         state, rows = begun.state, []
         for step in range(len(begun.looked.hidden)):
             now = Looked(*(leaf[step] for leaf in begun.looked))
-            *row, state = stepped(self.cell, now, state, begun.marks.at(step))
-            rows.append(row)
+            _, seen, state = stepped(self.cell, now, state, begun.marks.at(step))
+            rows.append((seen.hidden, seen.read))
         hidden, reads = (torch.stack(column) for column in zip(*rows, strict=True))
         return _Run(hidden, reads, state, Taken("torch", reason))
 
     @torch.no_grad()
     def trace(
-        self, x: Tensor, state: CellState | None = None, dt: Tensor | None = None
+        self,
+        x: Tensor | PackedSequence,
+        state: CellState | None = None,
+        dt: Tensor | None = None,
+        *,
+        lengths: Lengths | None = None,
+        reset: Tensor | None = None,
+        valid: Tensor | None = None,
     ) -> MemoryTrace:
-        """What the memory did at every step, time first (T, ...): for telemetry, no gradients."""
-        begun = self._begin(x, state, dt, None, None)
-        rows, now = [], begun.state
-        for step in range(len(begun.looked.hidden)):
-            looked = Looked(*(leaf[step] for leaf in begun.looked))
-            seen, after = self.cell.seen(looked, now)
-            rows.append(MemoryTrace.row(now, seen, after))
-            now = after
+        """What the memory did at every step, time first (T, ...): for telemetry, no gradients.
+
+        Takes and raises what a call does. Where no step was taken its `valid` is False.
+        """
+        if isinstance(x, PackedSequence):
+            x, lengths, _ = Padded.of(x, lengths)
+            own = MemorySequence(self.cell)
+            return own.trace(x, state, dt, lengths=lengths, reset=reset, valid=valid)
+        begun = self._begin(x, state, dt, reset, valid, lengths)
+        rows, after = [], begun.state
+        for step in range(len(begun.looked.hidden)):  # in torch: all of it is to be kept
+            looked, marks = Looked(*(leaf[step] for leaf in begun.looked)), begun.marks.at(step)
+            before, seen, after = stepped(self.cell, looked, after, marks)
+            rows.append(MemoryTrace.row(before, seen, after, marks.valid))
         return MemoryTrace.stack(rows)
 
     def _swaps(self, x: Tensor) -> bool:

@@ -10,7 +10,7 @@ from torch import Tensor
 from ...functional import pick
 from ...trees import map_tensors
 from ..cells.cell import MemoryCell
-from ..cells.cell_state import CellState, Looked
+from ..cells.cell_state import Attended, CellState, Looked
 
 
 class Marks(NamedTuple):
@@ -26,17 +26,16 @@ class Marks(NamedTuple):
 
 def stepped(
     cell: MemoryCell, looked: Looked, state: CellState, marks: Marks
-) -> tuple[Tensor, Tensor, CellState]:
-    """Features and read (..., N), and the next state: the step that every engine takes."""
+) -> tuple[CellState, Attended, CellState]:
+    """The state it starts from, what it sees, and the next: the step that every engine takes."""
     if marks.reset is not None:
         state = begun(cell, state, marks.reset)
     seen, after = cell.seen(looked, state)
-    read, hidden = seen.read, seen.hidden
     if marks.valid is not None:
         valid = marks.valid
         after = map_tensors(lambda new, old: pick(valid, new, old), after, state)
-        read = torch.where(valid.unsqueeze(-1), read, 0.0)
-    return hidden, read, after
+        seen = seen._replace(read=torch.where(valid.unsqueeze(-1), seen.read, 0.0))
+    return state, seen, after
 
 
 def begun(cell: MemoryCell, state: CellState, reset: Tensor) -> CellState:

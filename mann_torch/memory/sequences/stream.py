@@ -15,6 +15,8 @@ from ..cells.cell import MemoryCell
 from ..cells.cell_state import CellState
 from ..checks import exactly
 
+STATE = "a stream's Tensor: initial_state() gives the first, packed(...) makes one of a CellState"
+
 
 class MemoryStream:
     """`output, state = stream(x, state)`: a `MemoryCell` step by step, compiled, without gradients.
@@ -42,6 +44,8 @@ class MemoryStream:
 
         self.cell = instance("cell", cell, MemoryCell)
         self.batch_shape = sizes("batch_shape", batch_shape)
+        if 0 in self.batch_shape:
+            raise ConfigError(f"batch_shape = {self.batch_shape}: a stream needs a sample")
         try:
             with exactly(cell.slots.device):
                 self._streamed = Streamed(cell, torch.Size(self.batch_shape))
@@ -66,11 +70,14 @@ class MemoryStream:
 
     def _refuse(self, name: str, given: object, shape: torch.Size) -> None:
         """Say what is wrong with a tensor, if anything is (a subclass of Tensor may do)."""
-        found = instance(name, given, Tensor)
+        found = instance(name, given, Tensor, STATE if name == "state" else "")
         if found.shape != shape:
             raise ShapeError(f"{name} has shape {tuple(found.shape)}, not {tuple(shape)}")
         if found.dtype != self._dtype:
-            raise DtypeError(f"{name} is {found.dtype}, this stream takes {self._dtype}")
+            raise DtypeError(
+                f"{name} is {found.dtype}, this stream takes {self._dtype}: convert {name}, or the "
+                "cell before a stream is made of it, with .to(...)"
+            )
 
     def initial_state(self) -> Tensor:
         """The state before the first step."""

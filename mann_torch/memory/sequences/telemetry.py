@@ -27,20 +27,29 @@ class MemoryTrace(NamedTuple):
     switches: Tensor  # (T, ...) changes of it so far
     reallocations: Tensor  # (T, ...) resets so far
     reset: Tensor  # (T, ...) int64, slot that was reset in this step; -1: none
+    valid: Tensor  # (T, ...) bool, False: no step was taken, nothing attended, all stood still
 
     @classmethod
-    def row(cls, before: CellState, seen: Attended, after: CellState) -> MemoryTrace:
-        """One step's signals, detached: `seen = cell.attend(x, before)`, then `cell.write`."""
+    def row(
+        cls, before: CellState, seen: Attended, after: CellState, valid: Tensor | None = None
+    ) -> MemoryTrace:
+        """One step's signals, detached: `seen = cell.attend(x, before)`, then `cell.write`.
+
+        `valid` (...,) bool says whose step it is; None: everybody's.
+        """
+        taken = torch.ones_like(after.attended, dtype=torch.bool) if valid is None else valid
+        read, weights = (torch.where(taken.unsqueeze(-1), x, 0.0) for x in seen[:2])
         row = cls(
-            seen.read,
-            seen.weights,
+            read,
+            weights,
             after.mu,
             after.keys,
             after.active,
             after.attended,
             after.switches,
             after.reallocations,
-            _reset_slot(before, seen.state),
+            torch.where(taken, _reset_slot(before, seen.state), -1),
+            taken,
         )
         return map_tensors(Tensor.detach, row)
 
@@ -61,10 +70,10 @@ class MemoryTrace(NamedTuple):
         """
         index = tuple(whole("index", i, least=None) for i in index)
         batch = self.attended.shape[1:]
-        if len(index) != len(batch) or any(
-            not -n <= i < n for i, n in zip(index, batch, strict=True)
-        ):
+        if len(index) != len(batch):
             raise ShapeError(f"member {index} of a batch of {tuple(batch)}: give one index each")
+        if any(not -n <= i < n for i, n in zip(index, batch, strict=True)):
+            raise ShapeError(f"member {index} of a batch of {tuple(batch)}: out of range")
         where = (slice(None), *index)
         return {name: leaf[where].cpu().numpy() for name, leaf in self._asdict().items()}
 
