@@ -60,7 +60,7 @@ def place_of(error: BaseException) -> str:
         return ""
     line = linecache.getline(*place).strip()
     inside = f" in {module}" if module else ""
-    return f"{inside}, {os.path.basename(place[0])}:{place[1]}: {line}"
+    return f"{inside}, {os.path.basename(place[0])}:{place[1]}" + (f": {line}" if line else "")
 
 
 def misread(value: Tensor) -> str:

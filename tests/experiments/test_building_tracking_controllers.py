@@ -51,6 +51,7 @@ def test_slotine_li_with_its_law() -> None:
         made("plant=two_link_arm", "scenario=plain", "controller=slotine_li")
 
 
+@pytest.mark.checkout
 def test_meta_adaptive_with_layers_of_a_file_and_a_memory() -> None:
     found = made(
         "plant=planar_quadrotor", "scenario=plain", "controller=meta_adaptive", "network=layers",

@@ -183,6 +183,6 @@ def test_what_makes_no_sense_is_a_named_error() -> None:
     relative = Criterion(PEAK, {"late": Limit(speed, 1.0, relative=True)}, scale=1.0)
     with pytest.raises(mt.ConfigError, match="relative limit 'late'"):
         relative(one, none)
-    with pytest.raises(mt.SolverError, match="found NaN"):
+    with pytest.raises(mt.SolverError, match="is NaN, with the constants"):
         tuned(Criterion(lambda run: peak_error(run) * math.nan)).step()
     assert len(ensemble()) == B
