@@ -24,6 +24,7 @@ from .building.plants import build_plant
 from .building.sizes import check_rollouts
 from .building.spreads import spreads
 from .building.weights import MOST_DRAWS, check_draws
+from .building.what_runs import LOOP_NODES, what_runs
 from .command.cli import command_line, reject_unknown, run_cli
 from .command.overrides import as_typed
 from .ensembles.report import Told, write_ensembles
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
 
 def main() -> None:
     """Command line of `python -m experiments.ensemble`."""
-    run_cli("ensemble", checked, _task)
+    run_cli("ensemble", checked, _task, (LOOP_NODES, what_runs))
 
 
 def checked(cfg: Any) -> EnsembleConfig:

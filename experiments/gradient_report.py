@@ -23,6 +23,7 @@ from .building.controllers import paper_constants
 from .building.ensembles import ensemble_of
 from .building.plants import build_plant
 from .building.sizes import check_rollouts
+from .building.what_runs import LOOP_NODES, what_runs
 from .command.cli import command_line, reject_unknown, run_cli
 from .gradients.elasticities import Findings, difference_name, estimate_all, pathwise_modes
 from .gradients.figures import landscapes, norms
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 
 def main() -> None:
     """Command line of `python -m experiments.gradient_report`."""
-    run_cli("gradient_report", lambda cfg: checked(cfg), _task)
+    run_cli("gradient_report", lambda cfg: checked(cfg), _task, (LOOP_NODES, what_runs))
 
 
 def checked(cfg: Any) -> tuple[GradientReportConfig, Ensemble, Coordinates]:

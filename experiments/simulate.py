@@ -29,6 +29,7 @@ from .building.build import Experiment, build
 from .building.schedules import late_changes
 from .building.sizes import check_samples
 from .building.weights import check_draws
+from .building.what_runs import LOOP_NODES, what_runs
 from .command.cli import command_line, reject_unknown, run_cli
 from .records.arrays import signal_arrays
 from .records.recording import channels_of, log_run, metrics_of, units_of
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
 
 def main() -> None:
     """Command line of `python -m experiments.simulate`."""
-    run_cli("simulate", checked, _task)
+    run_cli("simulate", checked, _task, (LOOP_NODES, what_runs))
 
 
 def checked(cfg: Any) -> SimulateConfig:

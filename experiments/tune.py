@@ -25,6 +25,7 @@ from mann_torch.simulation.step_grid import StepGrid
 from mann_torch.tuning import Coordinates, Ensemble, GradientSettings, Objective, Schedule, Tuner
 
 from .building.ensembles import check_names, scenarios_of, tuned_ensemble
+from .building.what_runs import LOOP_NODES, what_runs
 from .command.cli import command_line, reject_unknown, run_cli
 from .records.recording import Writer, log_summary, summary_writer, telling_settings
 from .runs import checkpoints
@@ -43,7 +44,7 @@ from .tuning.sizes import check_sizes
 
 def main() -> None:
     """Command line of `python -m experiments.tune`."""
-    run_cli("tune", checked, _task)
+    run_cli("tune", checked, _task, (LOOP_NODES, what_runs))
 
 
 def checked(cfg: Any) -> TuneConfig:

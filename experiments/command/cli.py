@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 import shlex
 import signal
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,16 +34,26 @@ from .overrides import (
     is_multirun,
     job_name,
     jobs_of,
+    mistaken_value,
     opened,
     quote_numeric_names,
     unknown_key,
 )
+from .unused import Typed, WhatRuns
 
 register()
 
 
-def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[Any], None]) -> None:
-    """Check every job of the command line, then let Hydra run `task` on each."""
+def run_cli(
+    config_name: str,
+    check: Callable[[Any], object],
+    task: Callable[[Any], None],
+    loops: tuple[Sequence[str], WhatRuns] | None = None,
+) -> None:
+    """Check every job of the command line, then let Hydra run `task` on each.
+
+    `loops`: nodes whose settings are refused where nothing uses them, and what they lead to.
+    """
     if early.asks(sys.argv[1:]):
         early.answer(config_name)
     speak_any_terminal()
@@ -69,6 +80,10 @@ def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[An
                 raise ConfigError(f"{job_name(number, jobs)}: {one_line(error)}") from None
         if len(folders) > 1:
             raise ConfigError("run_dir: a sweep has one; its jobs go into numbered folders")
+        if loops is not None:
+            judged, what_runs = loops
+            compose_own = functools.partial(compose_job, config_name)
+            Typed(jobs, configurations, compose_own, what_runs).check_used(judged)
     except Exception as error:  # whatever a setting breaks, it is one line and no folder
         fail(error, BAD_INPUT)
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name=config_name)
@@ -112,7 +127,7 @@ def compose_job(config_name: str, overrides: list[str]) -> Any:
         text = one_line(error)
     if text.startswith("Could not"):
         text = unknown_key(text, _composed(config_name, [])) or text
-    raise ConfigError(text)
+    raise ConfigError(mistaken_value(text) or text)
 
 
 def _composed(config_name: str, overrides: list[str]) -> Any:
