@@ -62,7 +62,7 @@ def checked(cfg: Any) -> tuple[ExportConfig, Experiment, Stepper]:
 def _task(cfg: Any) -> None:
     plain, experiment, stepper = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
-    command, start = command_line("experiments.export"), time.perf_counter()
+    command, start = command_line("export"), time.perf_counter()
     made = learned_state if plain.export.learned else first_state
     write_bytes(folder / START, stepper.to_bytes(made(plain, experiment, stepper)))
     files = {}

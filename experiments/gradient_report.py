@@ -90,7 +90,7 @@ def checked(cfg: Any) -> tuple[GradientReportConfig, Ensemble, Coordinates]:
 def _task(cfg: Any) -> None:
     plain, ensemble, coordinates = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
-    command = command_line("experiments.gradient_report")
+    command = command_line("gradient_report")
     start = time.perf_counter()
     modes = [mode for mode in pathwise_modes(ensemble) if mode != "soft"]
     stages = 2 + len(modes) + len(plain.steps) + len(plain.temperatures) + 1

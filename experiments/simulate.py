@@ -127,7 +127,7 @@ def summary(metrics: Mapping[str, Any], channels: Sequence[Mapping[str, str]]) -
 def _task(cfg: Any) -> None:
     plain = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
-    command = command_line("experiments.simulate")
+    command = command_line("simulate")
     late = late_changes(plain.scenario, plain.horizon)
     if late is not None:
         print(f"warning: {late}", file=sys.stderr)

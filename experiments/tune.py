@@ -128,7 +128,7 @@ def _task(cfg: Any) -> None:
     folder = Path(HydraConfig.get().runtime.output_dir)
     tuner = _restored(tuner_of(plain), folder)
     if not (folder / "command.txt").exists():
-        write_text(folder / "command.txt", command_line("experiments.tune") + "\n")
+        write_text(folder / "command.txt", command_line("tune") + "\n")
     command = (folder / "command.txt").read_text().strip()
     start = time.perf_counter()
     with summary_writer(folder, command) if plain.output.tensorboard else nullcontext() as writer:

@@ -39,6 +39,7 @@ from .overrides import (
     quote_numeric_names,
     unknown_key,
 )
+from .started import as_started
 from .unused import Typed, WhatRuns
 
 register()
@@ -57,7 +58,7 @@ def run_cli(
     if early.asks(sys.argv[1:]):
         early.answer(config_name)
     speak_any_terminal()
-    command = shlex.join(["python", "-m", f"experiments.{config_name}", *sys.argv[1:]])
+    command = shlex.join([*as_started(config_name), *sys.argv[1:]])
     configurations: list[Any] = []
     swept.clear()
     debugged = os.environ.get("HYDRA_FULL_ERROR") == "1"
@@ -146,10 +147,10 @@ def _composed(config_name: str, overrides: list[str]) -> Any:
         GlobalHydra.instance().hydra = outer
 
 
-def command_line(module: str) -> str:
+def command_line(name: str) -> str:
     """The command that made the running job, to be written beside its results."""
     overrides = HydraConfig.get().overrides.task
-    return shlex.join(["python", "-m", module, *map(as_typed, overrides)])
+    return shlex.join([*as_started(name), *map(as_typed, overrides)])
 
 
 def _guarded(task: Callable[[Any], None], debugged: bool) -> Callable[[Any], None]:

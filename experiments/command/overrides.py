@@ -17,6 +17,7 @@ from mann_torch.errors import ConfigError
 from ..settings.config import OPEN
 from ..settings.kinds import wrong_kind
 from .conf_files import group_folders
+from .started import as_started
 
 #: Every job is checked before the first begins.
 MOST_JOBS = 2000
@@ -52,7 +53,7 @@ def jobs_of(arguments: list[str]) -> Iterator[list[str]]:
         if count > MOST_JOBS:
             raise ConfigError(
                 f"a sweep of more than {MOST_JOBS} jobs ({text}): make several, and one table of "
-                "them with python -m experiments.collect"
+                f"them with {' '.join(as_started('collect'))}"
             )
     for job in itertools.product(*choices):
         yield list(job)
