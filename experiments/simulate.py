@@ -18,6 +18,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
 
 from mann_torch import Trajectory, memory_figure, rollout
+from mann_torch.control import AdaptiveNetwork
 from mann_torch.errors import ConfigError
 from mann_torch.simulation import check_engine
 from mann_torch.simulation.step_grid import StepGrid
@@ -163,7 +164,9 @@ def _task(cfg: Any) -> None:
     if plain.output.tensorboard:
         log_run(folder, plain, arrays, metrics, figures, command)
     finish(folder, record)
-    print(f"{title}, {trajectory.solver} ({trajectory.engine}), {wall_s:.1f} s")
+    network = getattr(experiment.loop.controller, "network", None)
+    neurons = f", {network.n_hidden} neurons" if isinstance(network, AdaptiveNetwork) else ""
+    print(f"{title}{neurons}, {trajectory.solver} ({trajectory.engine}), {wall_s:.1f} s")
     print(summary(metrics, channels["outputs"]))
     print(f"written to {folder}", flush=True)
     if any(status != "ok" for status in metrics["status"]):

@@ -89,6 +89,15 @@ def test_it_is_one_line_and_exit_code_2(
     assert not any(tmp_path.iterdir())
 
 
+def test_a_run_says_how_many_neurons_it_has_where_they_follow(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    quick = ("horizon=0.02", "output.figures=false", "output.tensorboard=false")
+    assert exit_code(monkeypatch, main, "controller=nn", "memory.n_slots=3", *quick) == 0
+    assert "scenario 1, nn, 12 neurons, implicit" in capsys.readouterr().out
+
+
 def test_every_problem_is_like_itself_and_no_other() -> None:
     """Were one unlike itself, nothing that is typed beside it could be found to be of no use."""
     made = {}
