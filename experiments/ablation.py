@@ -123,7 +123,7 @@ def _task(cfg: Any) -> None:
         table: {v: ready[f"{table}_{v}"] for t, v in each if t == table} for table in plain.tables
     }
     report = reported(plain, found, time.perf_counter() - start)
-    command = command_line("experiments.ablation")
+    command = command_line("ablation")
     conclude(folder, plain, command, report, lambda: {"ablation": picture(found)})
 
 

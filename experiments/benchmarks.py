@@ -80,7 +80,7 @@ def _cases(cfg: BenchmarksConfig) -> dict[tuple[str, str], list[Experiment]]:
 def _task(cfg: Any) -> None:
     plain, steps = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
-    command = command_line("experiments.benchmarks")
+    command = command_line("benchmarks")
     start = time.perf_counter()
     results = _all_results(plain, steps, folder / "finished")
     wall_s = time.perf_counter() - start

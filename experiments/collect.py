@@ -12,6 +12,7 @@ from typing import NoReturn
 from mann_torch.errors import ConfigError, MannError
 
 from .command.failing import BAD_INPUT, fail
+from .command.started import as_started
 from .sweeps.gather import runs_below, same_command
 from .sweeps.report import write_sweep
 
@@ -23,7 +24,7 @@ class _Parser(argparse.ArgumentParser):
 
 def main() -> None:
     """Command line of `python -m experiments.collect`."""
-    parser = _Parser(prog="python -m experiments.collect", description=__doc__)
+    parser = _Parser(prog=" ".join(as_started("collect")), description=__doc__)
     parser.add_argument("folder", nargs="+", type=Path, help="a sweep's folder, or any above runs")
     parser.add_argument(
         "--out", type=Path, help="where to write; the folder itself if it is one, logs/collect else"
@@ -38,7 +39,7 @@ def main() -> None:
         same_command(runs)
         stamp = Path("logs") / "collect" / time.strftime("%Y%m%d-%H%M%S")
         out = options.out or (folders[0] if alone else stamp)
-        command = shlex.join(["python", "-m", "experiments.collect", *sys.argv[1:]])
+        command = shlex.join([*as_started("collect"), *sys.argv[1:]])
         write_sweep(out, runs, command)
     except (MannError, OSError) as error:
         fail(error, BAD_INPUT)

@@ -24,8 +24,10 @@ from .building.plants import build_plant
 from .building.sizes import check_rollouts
 from .building.spreads import spreads
 from .building.weights import MOST_DRAWS, check_draws
+from .building.what_runs import LOOP_NODES, what_runs
 from .command.cli import command_line, reject_unknown, run_cli
 from .command.overrides import as_typed
+from .command.started import as_started
 from .ensembles.report import Told, write_ensembles
 from .ensembles.rollouts import Chunk, Rollouts, joined
 from .ensembles.summary import measures, statistics, table
@@ -47,7 +49,7 @@ if TYPE_CHECKING:
 
 def main() -> None:
     """Command line of `python -m experiments.ensemble`."""
-    run_cli("ensemble", checked, _task)
+    run_cli("ensemble", checked, _task, (LOOP_NODES, what_runs))
 
 
 def checked(cfg: Any) -> EnsembleConfig:
@@ -83,7 +85,7 @@ def run_alone(spread: Iterable[str]) -> str:
         name = override.lstrip("+~").partition("=")[0]
         if name.partition(".")[0] in shared and name not in own:
             kept.append(override)
-    return shlex.join(["python", "-m", "experiments.simulate", *kept])
+    return shlex.join([*as_started("simulate"), *kept])
 
 
 def _task(cfg: Any) -> None:
@@ -99,7 +101,7 @@ def _task(cfg: Any) -> None:
     kept = npz_parts(Chunk, folder / "finished")
     parts = list(all_parts(run_chunk, chunks, counts, kept, plain.workers, "rollout", 1).values())
     wall_s = time.perf_counter() - start
-    rollouts, command = joined(parts), command_line("experiments.ensemble")
+    rollouts, command = joined(parts), command_line("ensemble")
     plant, _ = build_plant(plain.plant)
     spread = spreads(plain.spread, plant)
     title = ", ".join([title_of(plain), *(f"{n} ± {100 * s:g} %" for n, s in spread.items())])

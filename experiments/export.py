@@ -18,6 +18,7 @@ from mann_torch.deployment import Stepper
 from mann_torch.errors import ConfigError
 
 from .building.build import Experiment
+from .building.what_runs import LOOP_NODES, what_runs
 from .command.cli import command_line, reject_unknown, run_cli
 from .exporting.composing import experiment_of, first_state, learned_state, stepper_of
 from .exporting.report import START, files_in, left_behind, report_of
@@ -32,7 +33,7 @@ from .settings.export_config import CONSTANTS, PRECISIONS, ExportConfig
 
 def main() -> None:
     """Command line of `python -m experiments.export`."""
-    run_cli("export", checked, _task)
+    run_cli("export", checked, _task, (LOOP_NODES, what_runs))
 
 
 def checked(cfg: Any) -> tuple[ExportConfig, Experiment, Stepper]:
@@ -61,7 +62,7 @@ def checked(cfg: Any) -> tuple[ExportConfig, Experiment, Stepper]:
 def _task(cfg: Any) -> None:
     plain, experiment, stepper = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
-    command, start = command_line("experiments.export"), time.perf_counter()
+    command, start = command_line("export"), time.perf_counter()
     made = learned_state if plain.export.learned else first_state
     write_bytes(folder / START, stepper.to_bytes(made(plain, experiment, stepper)))
     files = {}

@@ -23,6 +23,7 @@ from .building.controllers import paper_constants
 from .building.ensembles import ensemble_of
 from .building.plants import build_plant
 from .building.sizes import check_rollouts
+from .building.what_runs import LOOP_NODES, what_runs
 from .command.cli import command_line, reject_unknown, run_cli
 from .gradients.elasticities import Findings, difference_name, estimate_all, pathwise_modes
 from .gradients.figures import landscapes, norms
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 
 def main() -> None:
     """Command line of `python -m experiments.gradient_report`."""
-    run_cli("gradient_report", lambda cfg: checked(cfg), _task)
+    run_cli("gradient_report", lambda cfg: checked(cfg), _task, (LOOP_NODES, what_runs))
 
 
 def checked(cfg: Any) -> tuple[GradientReportConfig, Ensemble, Coordinates]:
@@ -89,7 +90,7 @@ def checked(cfg: Any) -> tuple[GradientReportConfig, Ensemble, Coordinates]:
 def _task(cfg: Any) -> None:
     plain, ensemble, coordinates = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
-    command = command_line("experiments.gradient_report")
+    command = command_line("gradient_report")
     start = time.perf_counter()
     modes = [mode for mode in pathwise_modes(ensemble) if mode != "soft"]
     stages = 2 + len(modes) + len(plain.steps) + len(plain.temperatures) + 1

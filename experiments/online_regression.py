@@ -141,7 +141,7 @@ def _task(cfg: Any) -> None:
         1,
     )
     report = reported(plain, found, time.perf_counter() - start)
-    command = command_line("experiments.online_regression")
+    command = command_line("online_regression")
     conclude(folder, plain, command, report, lambda: pictures(plain, found))
 
 

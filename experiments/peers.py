@@ -148,7 +148,7 @@ def _task(cfg: Any) -> None:
         for task in plain.tasks
     }
     report = reported(plain, found, missing, time.perf_counter() - start)
-    command = command_line("experiments.peers")
+    command = command_line("peers")
     conclude(folder, plain, command, report, lambda: pictures(plain, found))
 
 

@@ -67,7 +67,7 @@ def checked(cfg: Any) -> tuple[ReproduceConfig, list[Job], gold.GoldenFile | Non
 def _task(cfg: Any) -> None:
     plain, jobs, golden = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
-    command = command_line("experiments.reproduce")
+    command = command_line("reproduce")
     start = time.perf_counter()
     done = _all_results(plain, jobs, folder / "runs")
     results = Results(done)

@@ -99,7 +99,7 @@ def _task(cfg: Any) -> None:
         1,
     )
     report = reported(plain, found, time.perf_counter() - start)
-    command = command_line("experiments.returning")
+    command = command_line("returning")
     conclude(folder, plain, command, report, lambda: {"returns": picture(plain, found)})
 
 

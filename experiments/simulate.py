@@ -18,6 +18,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import OmegaConf
 
 from mann_torch import Trajectory, memory_figure, rollout
+from mann_torch.control import AdaptiveNetwork
 from mann_torch.errors import ConfigError
 from mann_torch.simulation import check_engine
 from mann_torch.simulation.step_grid import StepGrid
@@ -29,6 +30,7 @@ from .building.build import Experiment, build
 from .building.schedules import late_changes
 from .building.sizes import check_samples
 from .building.weights import check_draws
+from .building.what_runs import LOOP_NODES, what_runs
 from .command.cli import command_line, reject_unknown, run_cli
 from .records.arrays import signal_arrays
 from .records.recording import channels_of, log_run, metrics_of, units_of
@@ -47,7 +49,7 @@ if TYPE_CHECKING:
 
 def main() -> None:
     """Command line of `python -m experiments.simulate`."""
-    run_cli("simulate", checked, _task)
+    run_cli("simulate", checked, _task, (LOOP_NODES, what_runs))
 
 
 def checked(cfg: Any) -> SimulateConfig:
@@ -126,7 +128,7 @@ def summary(metrics: Mapping[str, Any], channels: Sequence[Mapping[str, str]]) -
 def _task(cfg: Any) -> None:
     plain = checked(cfg)
     folder = Path(HydraConfig.get().runtime.output_dir)
-    command = command_line("experiments.simulate")
+    command = command_line("simulate")
     late = late_changes(plain.scenario, plain.horizon)
     if late is not None:
         print(f"warning: {late}", file=sys.stderr)
@@ -162,7 +164,9 @@ def _task(cfg: Any) -> None:
     if plain.output.tensorboard:
         log_run(folder, plain, arrays, metrics, figures, command)
     finish(folder, record)
-    print(f"{title}, {trajectory.solver} ({trajectory.engine}), {wall_s:.1f} s")
+    network = getattr(experiment.loop.controller, "network", None)
+    neurons = f", {network.n_hidden} neurons" if isinstance(network, AdaptiveNetwork) else ""
+    print(f"{title}{neurons}, {trajectory.solver} ({trajectory.engine}), {wall_s:.1f} s")
     print(summary(metrics, channels["outputs"]))
     print(f"written to {folder}", flush=True)
     if any(status != "ok" for status in metrics["status"]):

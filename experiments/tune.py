@@ -25,6 +25,7 @@ from mann_torch.simulation.step_grid import StepGrid
 from mann_torch.tuning import Coordinates, Ensemble, GradientSettings, Objective, Schedule, Tuner
 
 from .building.ensembles import check_names, scenarios_of, tuned_ensemble
+from .building.what_runs import LOOP_NODES, what_runs
 from .command.cli import command_line, reject_unknown, run_cli
 from .records.recording import Writer, log_summary, summary_writer, telling_settings
 from .runs import checkpoints
@@ -43,7 +44,7 @@ from .tuning.sizes import check_sizes
 
 def main() -> None:
     """Command line of `python -m experiments.tune`."""
-    run_cli("tune", checked, _task)
+    run_cli("tune", checked, _task, (LOOP_NODES, what_runs))
 
 
 def checked(cfg: Any) -> TuneConfig:
@@ -127,7 +128,7 @@ def _task(cfg: Any) -> None:
     folder = Path(HydraConfig.get().runtime.output_dir)
     tuner = _restored(tuner_of(plain), folder)
     if not (folder / "command.txt").exists():
-        write_text(folder / "command.txt", command_line("experiments.tune") + "\n")
+        write_text(folder / "command.txt", command_line("tune") + "\n")
     command = (folder / "command.txt").read_text().strip()
     start = time.perf_counter()
     with summary_writer(folder, command) if plain.output.tensorboard else nullcontext() as writer:

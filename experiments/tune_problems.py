@@ -73,7 +73,7 @@ def _task(cfg: Any) -> None:
     )
     found = dict(zip(jobs, parts.values(), strict=True))
     report = reported(plain, tasks, found, time.perf_counter() - start)
-    command = command_line("experiments.tune_problems")
+    command = command_line("tune_problems")
     conclude(folder, plain, command, report, lambda: pictures(tasks, found))
 
 

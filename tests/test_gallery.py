@@ -75,5 +75,51 @@ def test_it_makes_its_figure(path: Path) -> None:
     assert told["labels"] == "True"
 
 
+#: A number that a reader may change, and what the picture's axes then show: of which, and up to.
+CHANGED = {
+    "plot_12_recall": ("5, 8, 8, 300", "5, 8, 6, 40", {0: ("x", 40.0), 1: ("x", 6.5)}),
+    "plot_02_attention": (
+        "S, horizon, jumps = 5, 60.0",
+        "S, horizon, jumps = 3, 12.0",
+        {0: ("y", 3.5), 1: ("y", 3.5), 2: ("x", 12.0)},
+    ),
+    "plot_01_arm_payload": ("50.0, [15.0, 35.0]", "12.0, [3.0, 6.0]", {1: ("x", 12.0)}),
+}
+
+
+#: For every test run; the other is for `make check`.
+_QUICK = ("plot_12_recall", "plot_02_attention")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[] if n in _QUICK else [pytest.mark.slow]) for n in CHANGED]
+)
+def test_a_picture_follows_a_number_that_a_reader_changes(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plt = pytest.importorskip("matplotlib.pyplot")
+    plt.switch_backend("agg")
+    (path,) = (path for path in EXAMPLES if path.stem == name)
+    there, instead, limits = CHANGED[name]
+    source = path.read_text()
+    assert source.count(there) == 1
+    with plt.rc_context():
+        exec(compile(source.replace(there, instead), path.name, "exec"), {"__name__": name})
+        figure = plt.gcf()
+    plt.close(figure)
+    for number, (which, most) in limits.items():
+        ax = figure.axes[number]
+        low, high = getattr(ax, f"get_{which}lim")()
+        assert 0.9 * most <= max(low, high) <= 1.05 * most, (number, low, high)
+        inside = [t for t in getattr(ax, f"get_{which}ticks")() if low <= t <= high]
+        assert len(inside) >= 3 and (most % 1 == 0 or max(inside) == most - 0.5)
+
+
+def test_the_gallery_says_how_to_keep_a_picture_without_a_screen() -> None:
+    said = (ROOT / "docs" / "gallery" / "README.rst").read_text()
+    assert "MPLBACKEND=agg" in said and "plt.savefig" in said
+    assert all(path.read_text().endswith("plt.show()\n") for path in EXAMPLES)
+
+
 def test_a_line_of_code_is_counted_as_one() -> None:
     assert code_lines('"""Text.\n\nMore."""\n\nx = 1  # one\n# none\ny = [\n    1,\n]\n') == 4

@@ -16,11 +16,12 @@ import mann_torch as mt
 
 plt.style.use("mann_torch.paper")
 
-masses = mt.PiecewiseConstant([15.0, 35.0], [[0.8, 2.3], [1.6, 4.6], [0.8, 2.3]])  # [s], [kg]
+horizon, loaded = 50.0, [15.0, 35.0]  # [s]
+masses = mt.PiecewiseConstant(loaded, [[0.8, 2.3], [1.6, 4.6], [0.8, 2.3]])  # [kg]
 scenario = mt.Scenario(
     mt.Sinusoid([1.0, 0.5], frequency=0.5),
     mt.arm_parameters(lengths=[1.0, 1.0]),
-    horizon=50.0,
+    horizon=horizon,
     schedule={"masses": masses},
 )
 memory = mt.WorkingMemory(n_slots=5, n_hidden=10, attention=mt.ReallocatingAttention("initial"))
@@ -45,8 +46,8 @@ for k, (x, y) in enumerate(zip(angles.cos().cumsum(-1), angles.sin().cumsum(-1),
 axes["arm"].set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
 for joint in (1, 2):
     ax = axes[f"e{joint}"]
-    ax.axvspan(15, 35, color="0.93", zorder=0, lw=0)
-    ax.set(xlim=(0, 50), ylim=(-40, 60), ylabel=f"$e_{joint}$ [mrad]")
+    ax.axvspan(*loaded, color="0.93", zorder=0, lw=0)
+    ax.set(xlim=(0, horizon), ylim=(-40, 60), ylabel=f"$e_{joint}$ [mrad]")
 axes["e1"].tick_params(labelbottom=False)
 axes["e2"].set_xlabel("t [s]")
 axes["e1"].legend(loc="upper right", ncols=2)

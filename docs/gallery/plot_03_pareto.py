@@ -32,16 +32,16 @@ members = mt.Scenario.stack([scenario] * 2)
 ensemble = Ensemble(loop, members, weights, mt.Implicit(), effort_after=1.0)
 constants = Coordinates(controller, ["error_gain", "base_gain", "robust_gain", "rate_W"])
 
-figure, ax = plt.subplots(figsize=(5.6, 3.2))
-spread = 3.0 * torch.rand(600, 4, generator=torch.Generator().manual_seed(1)).double() - 1.5
-found = ensemble.scores(constants.values(spread.unsqueeze(-2)))  # of (600, 2) rollouts
-ax.scatter(found.rate.mean(-1), found.srmse.mean(-1), s=5, color="0.75", lw=0, label="600 settings")
+(figure, ax), N = plt.subplots(figsize=(5.6, 3.2)), 600
+z = 3.0 * torch.rand(N, constants.size, generator=torch.Generator().manual_seed(1)).double() - 1.5
+found = ensemble.scores(constants.values(z.unsqueeze(-2)))  # of (N, 2) rollouts
+ax.scatter(found.rate.mean(-1), found.srmse.mean(-1), 5, "0.75", lw=0, label=f"{N} settings")
 for limit in (0.5, 0.75, 1.0, 1.5):
     aim, schedule = Objective(rate_limit=limit, peak_limit=None), Schedule(30, rate=0.15)
     tuner = Tuner(ensemble, constants, aim, GradientSettings("plain"), schedule)
     while not tuner.done:
         tuner.step()
-    way = torch.tensor([[0.0] * 4] + [row["z"] for row in tuner.history]).double()
+    way = torch.tensor([[0.0] * constants.size] + [row["z"] for row in tuner.history]).double()
     found = ensemble.scores(constants.values(way.unsqueeze(-2)))
     rate, error = found.rate.mean(-1), found.srmse.mean(-1)
     (line,) = ax.plot(rate, error, "-", lw=0.8)

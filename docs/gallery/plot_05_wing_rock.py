@@ -44,7 +44,7 @@ for name, law in laws.items():
     estimates = -run.states.controller.adaptive.network.W[..., 0]  # the law learns what u needs
     distance = (estimates - torch.tensor(CHOWDHARY_JOHNSON)).norm(dim=-1)
     right.semilogy(run.sample_t, distance, label=name)
-    print(f"{name}: |W - W*| = {distance[-1]:.2e} after 60 s")
+    print(f"{name}: |W - W*| = {distance[-1]:.2e} after {scenario.end:g} s")
 left.set(xlabel="t [s]", ylabel="roll error [mrad]", ylim=(-130, 60))
 right.set(xlabel="t [s]", ylabel="$|W - W^*|$ [1/s²]")
 left.legend()

@@ -19,7 +19,7 @@ from mann_torch.signals import Polynomial, Sinusoids
 
 plt.style.use("mann_torch.paper")
 
-drone, law = PlanarQuadrotor(), AdaptiveLaw(ConstantGain(1.0))
+drone, law, met = PlanarQuadrotor(), AdaptiveLaw(ConstantGain(1.0)), torch.arange(1.0, 7.0)
 path = Sinusoids([[2.0, 1.5, 0.2]], torch.pi / 3, [[0.0, -torch.pi / 2, 0.0]], [0.0, 1.5, 0.0])
 start = mt.PlantState(*path(torch.tensor(0.0, dtype=torch.float64))[:2])
 believed = drone.parameters_of(drag=[0.0, 0.0])
@@ -38,21 +38,21 @@ def flight(basis, winds):
 learned = Layers.random(6, 16, layers=2, seed=0)
 optimizer = torch.optim.Adam(learned.tune(*learned.constants()), lr=0.02)
 for _ in range(60):
-    loss = mt.srmse(flight(learned, torch.arange(1.0, 7.0))).square().sum(-1).mean()
+    loss = mt.srmse(flight(learned, met)).square().sum(-1).mean()
     optimizer.zero_grad()
     loss.backward()
     optimizer.step()
 figure, (left, right) = plt.subplots(1, 2, figsize=(6.4, 2.9))
-winds = torch.linspace(0.0, 10.0, 41)  # [m/s]
+winds, shown = torch.linspace(0.0, 10.0, 41), 32  # [m/s], and which of them
 bases = {"integral": Constant(6), "random features": Layers.random(6, 16, 2, 0), "learned": learned}
 for name, basis in bases.items():
     with torch.no_grad():
         run = flight(basis, winds)
-    left.plot(*run.output[:, 32, :2].T)  # in a wind of 8 m/s
+    left.plot(*run.output[:, shown, :2].T)
     right.semilogy(winds, 1e3 * mt.srmse(run)[:, :2].norm(dim=-1), label=name)
-left.plot(*run.reference.value[:, 32, :2].T, "k--", lw=0.8)
-left.set(title="wind of 8 m/s, not met in training", xlabel="x [m]", ylabel="y [m]", aspect="equal")
-right.axvspan(1, 6, color="0.93", lw=0, zorder=0)
+left.plot(*run.reference.value[:, shown, :2].T, "k--", lw=0.8)
+left.set(title=f"wind of {winds[shown]:g} m/s", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+right.axvspan(met[0], met[-1], color="0.93", lw=0, zorder=0)
 right.set(xlabel="wind [m/s]", ylabel="SRMSE of position [mm]")
 right.legend()
 plt.show()

@@ -18,12 +18,12 @@ from mann_torch.plants import LinearPlant, RowState
 
 plt.style.use("mann_torch.paper")
 
-plant = LinearPlant(A=[[1.0]], B=[[1.0]], C=[[1.0]])
+limit, plant = 10.0, LinearPlant(A=[[1.0]], B=[[1.0]], C=[[1.0]])
 start = RowState(torch.tensor([-9.99], dtype=torch.float64))
 command = mt.Sinusoid([5.0], frequency=0.5)
 scenario = mt.Scenario(command, plant.parameters_of(), horizon=10.0, start=start)
 kinds = {
-    "augmented error": AugmentedError([[-1.0]], [[1.0]], input_limit=[10.0]),
+    "augmented error": AugmentedError([[-1.0]], [[1.0]], input_limit=[limit]),
     "unprotected": None,
 }
 figure, axes = plt.subplots(1, 3, figsize=(6.4, 2.6))
@@ -33,7 +33,7 @@ for name, saturation in kinds.items():
         plant,
         mt.control.Mrac([[1.0]], network, saturation=saturation),
         model=mt.LinearModel([[-1.0]], [[1.0]], start=[-9.9]),
-        actuator=mt.Actuator(1, limit=10.0),
+        actuator=mt.Actuator(1, limit=limit),
     )
     with torch.no_grad():
         run = mt.rollout(loop, scenario, mt.RungeKutta(2e-3))

@@ -49,7 +49,7 @@ for name, gates in {"gradient law": (), "smooth dead zone": (SmoothDeadZone(0.4)
     with torch.no_grad():
         run = mt.rollout(loop, scenario, mt.RungeKutta(0.01))
     left.plot(run.sample_t, run.states.controller.adaptive.network.W[:, 0, 0], label=name)
-    late = run.t > 180.0
+    late = run.t > scenario.end - 20.0
     right.plot(run.t[late], run.output[late, 0], lw=0.8)
 right.plot(run.t[late], run.reference.value[late, 0], "k--", lw=0.8, label="model")
 left.set(xlabel="t [s]", ylabel="gain on x", ylim=(-3, 0.2))

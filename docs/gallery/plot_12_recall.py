@@ -17,7 +17,7 @@ from mann_torch.memory import MemoryCell, MemorySequence
 
 plt.style.use("mann_torch.paper")
 
-P, K = 5, 8  # pairs, of so many keys and values
+P, K, S, ITERATIONS = 5, 8, 8, 300  # pairs, of so many keys and values; slots
 
 
 def batch(count):
@@ -31,22 +31,22 @@ def batch(count):
 
 
 torch.manual_seed(0)
-memory = MemorySequence(MemoryCell(2 * K + 1, 32, output_size=K))
+memory = MemorySequence(MemoryCell(2 * K + 1, 32, n_slots=S, output_size=K))
 figure, (left, right) = plt.subplots(1, 2, figsize=(6.4, 2.8))
 for name, model in {"memory": memory, "LSTM": nn.LSTM(2 * K + 1, 28)}.items():
-    optimizer, hits = torch.optim.Adam(model.parameters(), lr=1e-2), []
-    for _ in range(300):
+    optimizer, hits = torch.optim.Adam(model.parameters(), lr=1e-2), torch.zeros(ITERATIONS)
+    for n in range(ITERATIONS):
         x, answer = batch(32)
         scores = model(x)[0][P:, :, :K]  # of the LSTM the first K outputs answer
         optimizer.zero_grad()
         cross_entropy(scores.flatten(0, 1), answer.flatten()).backward()
         optimizer.step()
-        hits.append((scores.argmax(-1) == answer).float().mean())
+        hits[n] = (scores.argmax(-1) == answer).float().mean()
     print(name, sum(p.numel() for p in model.parameters() if p.requires_grad), "parameters")
-    left.plot(torch.arange(5, 300, 10), torch.stack(hits).unfold(0, 10, 10).mean(-1), label=name)
+    left.plot(torch.arange(5, ITERATIONS - 4, 10), hits.unfold(0, 10, 10).mean(-1), label=name)
 x = batch(1)[0]
 trace = memory.trace(x).member(0)  # of the only sequence
-cells = right.imshow(trace["weights"][P:], "Blues", extent=(0.5, 8.5, P, 0), aspect="auto")
+cells = right.imshow(trace["weights"][P:], "Blues", extent=(0.5, S + 0.5, P, 0), aspect="auto")
 figure.colorbar(cells, ax=right, label="read weight")
 pair = (x[P:, 0, :K].argmax(-1)[:, None] == x[:P, 0, :K].argmax(-1)).int().argmax(-1)
 begin = memory.cell.initial_state().mu.detach()[None]
@@ -54,5 +54,5 @@ moved = torch.tensor(trace["mu"]).diff(dim=0, prepend=begin).abs().sum(-1)
 right.plot(moved[pair].argmax(-1) + 1, torch.arange(P) + 0.5, "x", color="tab:red")
 left.set(xlabel="iteration", ylabel="accuracy", ylim=(0, 1.02))
 left.legend(loc="center right")
-right.set(xlabel="slot", ylabel="question", yticks=[], xticks=range(1, 9))
+right.set(xlabel="slot", ylabel="question", yticks=[], xticks=range(1, S + 1))
 plt.show()

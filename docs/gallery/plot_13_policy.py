@@ -19,11 +19,12 @@ from mann_torch.simulators import PlantVectorEnv
 
 plt.style.use("mann_torch.paper")
 
-N, STEPS = 256, 120
+N, BEST, GENERATIONS, STEPS, DT, LIMIT = 256, 25, 30, 120, 0.05, 4.0  # [s], [N m]
 plant, upright = Pendulum(), Polynomial([[np.pi]])
-swing = mt.Scenario(upright, plant.parameters_of(viscous=[0.1]), horizon=6.0)
-motor = mt.Actuator(1, limit=4.0)  # [N m]; gravity pulls with up to 9.81
-env = PlantVectorEnv(N, plant, swing, 0.05, actuator=motor, reward=lambda m: m.error.cos().sum(-1))
+swing = mt.Scenario(upright, plant.parameters_of(viscous=[0.1]), horizon=STEPS * DT)
+# Gravity pulls with up to 9.81 N m.
+motor, reward = mt.Actuator(1, limit=LIMIT), lambda motion: motion.error.cos().sum(-1)
+env = PlantVectorEnv(N, plant, swing, DT, actuator=motor, reward=reward)
 
 
 def episode(weights):
@@ -33,7 +34,7 @@ def episode(weights):
     for _ in range(STEPS):
         z = np.stack([np.sin(seen[:, 0]), np.cos(seen[:, 0]), 0.2 * seen[:, 1]], axis=1)
         hidden = np.tanh(np.einsum("bih,bi->bh", V.reshape(N, 3, 8), z) + b)
-        seen, reward, *_ = env.step(4.0 * np.tanh((w * hidden).sum(1, keepdims=True) + c))
+        seen, reward, *_ = env.step(LIMIT * np.tanh((w * hidden).sum(1, keepdims=True) + c))
         angles.append(seen[:, 0])
         total += reward
     return np.stack(angles), total
@@ -42,15 +43,15 @@ def episode(weights):
 random = np.random.default_rng(0)
 mean, spread, returns = np.zeros(41), 2.0 * np.ones(41), []
 figure, (left, right) = plt.subplots(1, 2, figsize=(6.4, 2.8))
-for generation in range(1, 31):
+for generation in range(1, GENERATIONS + 1):
     weights = mean + spread * random.standard_normal((N, 41))
     angles, total = episode(weights)
     order = total.argsort()
-    mean, spread = weights[order[-25:]].mean(0), weights[order[-25:]].std(0) + 0.02
-    returns.append(total[order[[N // 2, -25, -1]]])
-    if generation in (1, 10, 30):
-        right.plot(0.05 * np.arange(STEPS), angles[:, order[-1]], label=f"generation {generation}")
-left.plot(np.arange(1, 31), returns, label=["median", "25th best", "best"])
+    mean, spread = weights[order[-BEST:]].mean(0), weights[order[-BEST:]].std(0) + 0.02
+    returns.append(total[order[[N // 2, -BEST, -1]]])
+    if generation in (1, GENERATIONS // 3, GENERATIONS):
+        right.plot(DT * np.arange(STEPS), angles[:, order[-1]], label=f"generation {generation}")
+left.plot(np.arange(1, GENERATIONS + 1), returns, label=["median", f"{BEST}th best", "best"])
 left.set(xlabel="generation", ylabel="return")
 left.legend(loc="lower right")
 right.axhline(np.pi, color="k", lw=0.8, ls="--", label="upright")

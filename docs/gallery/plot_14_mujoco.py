@@ -17,22 +17,22 @@ from mann_torch.simulators import arm_mjcf, arm_payloads, run_in_mujoco
 
 plt.style.use("mann_torch.paper")
 
-arm, horizon = mt.TwoLinkArm(), 20.0
-payload = mt.PiecewiseConstant([5.0, 12.0], [[0.8, 2.3], [0.8, 4.3], [0.8, 2.3]])  # [s], [kg]
+arm, horizon, period, held = mt.TwoLinkArm(), 20.0, 1e-3, [5.0, 12.0]  # [s]
+payload = mt.PiecewiseConstant(held, [[0.8, 2.3], [0.8, 4.3], [0.8, 2.3]])  # [kg]
 swing, body = mt.Sinusoid([1.0, 0.5], frequency=1.0), mt.arm_parameters()
 scenario = mt.Scenario(swing, body, horizon, schedule={"masses": payload})
 memory = mt.WorkingMemory(n_slots=5, n_hidden=10, attention=mt.ReallocatingAttention("initial"))
 controller = mt.MannController(2, n_hidden=10, memory=memory)
 weights = controller.initial_weights((), torch.Generator().manual_seed(0))
-loop = mt.ClosedLoop(arm, controller, clock=mt.Clock(1e-3))
+loop = mt.ClosedLoop(arm, controller, clock=mt.Clock(period))
 with torch.no_grad():
-    ours = mt.rollout(loop, scenario, weights=weights, motion_dt=1e-3)
+    ours = mt.rollout(loop, scenario, weights=weights, motion_dt=period)
 stepper = mt.deploy(loop)
 figure, (top, bottom) = plt.subplots(2, 1, sharex=True, figsize=(6.4, 3.8))
 for integrator in ("RK4", "implicitfast"):
     there = run_in_mujoco(
         stepper,
-        arm_mjcf(arm, body, timestep=1e-3, integrator=integrator),
+        arm_mjcf(arm, body, timestep=period, integrator=integrator),
         ["joint_1", "joint_2"],
         swing,
         horizon,
@@ -45,10 +45,9 @@ for integrator in ("RK4", "implicitfast"):
     print(integrator, "RMS error", (100 * there.srmse / mt.srmse(ours)).numpy(), "% of ours")
 top.plot(there.t, 1e3 * there.error, label=["$e_1$ in MuJoCo", "$e_2$ in MuJoCo"])
 top.plot(ours.t[::400], 1e3 * ours.error[::400], "k.", ms=2.5)
-top.axvspan(5, 12, color="0.93", lw=0, zorder=0)
-bottom.axvspan(5, 12, color="0.93", lw=0, zorder=0)
 top.set(ylabel="error [mrad]", ylim=(-60, 60))
 bottom.set(xlabel="t [s]", ylabel="apart [mrad]")
 for ax in (top, bottom):
+    ax.axvspan(*held, color="0.93", lw=0, zorder=0)
     ax.legend(ncols=2)
 plt.show()

@@ -15,13 +15,13 @@ import mann_torch as mt
 
 plt.style.use("mann_torch.paper")
 
-N = 10_000
+N, taken = 10_000, 6.0  # runs, [s]
 random = torch.Generator().manual_seed(0)
 normal = torch.randn(N, 4, generator=random, dtype=torch.float64)
 masses = torch.tensor([0.8, 2.3]) * (0.3 * normal[:, :2]).exp()
 lengths = (0.15 * normal[:, 2:]).exp()
 loads = torch.rand(N, 1, generator=random, dtype=torch.float64) * torch.tensor([0.0, 3.0])
-jumps = torch.full((N, 1), 6.0)  # [s]
+jumps = torch.full((N, 1), taken)
 payload = mt.PiecewiseConstant(jumps.double(), torch.stack([masses, masses + loads], dim=1))
 scenario = mt.Scenario(
     mt.Sinusoid([1.0, 0.5], frequency=0.5),
@@ -44,10 +44,10 @@ for k, (name, part) in enumerate({"network alone": None, "with memory": memory}.
     axes[k].fill_between(run.t, lower, upper, color=f"C{k}", alpha=0.5, lw=0, label="25 to 75 %")
     axes[k].semilogy(run.t, middle, color=f"C{k}", lw=0.8, label="median")
     axes[k].set(title=name, xlabel="t [s]", ylim=(0.3, 1000))
-    error = 1e3 * mt.srmse(run, after=6.0).norm(dim=-1)
+    error = 1e3 * mt.srmse(run, after=taken).norm(dim=-1)
     axes[2].hist(error, bins=torch.linspace(0, 50, 51), histtype="step", label=name)
 axes[0].set_ylabel("|e| [mrad]")
 axes[0].legend(loc="upper right")
-axes[2].set(xlabel="SRMSE after 6 s [mrad]", ylabel="runs", ylim=(0, 1400))
+axes[2].set(xlabel=f"SRMSE after {taken:g} s [mrad]", ylabel="runs", ylim=(0, 1400))
 axes[2].legend()
 plt.show()

@@ -27,7 +27,7 @@ scenario = mt.Scenario(
 loop = mt.ClosedLoop(wing, mt.LinearFeedback([[0.0, 0.0]]))
 with torch.no_grad():
     run = mt.rollout(loop, scenario, mt.RungeKutta(0.02), motion_dt=0.2, divergence_limit=5.0)
-print(f"amplitude of the limit cycle: {run.output[run.t > 550.0, 0].max():.4f} rad")
+print(f"amplitude of the limit cycle: {run.output[run.t > scenario.end - 50.0, 0].max():.4f} rad")
 figure, (left, right) = plt.subplots(1, 2, figsize=(6.4, 2.9))
 for k, failed in enumerate(run.status):
     colour = "C1" if failed else "C0" if k < 2 else "C2"
@@ -36,5 +36,5 @@ for k, failed in enumerate(run.status):
         right.plot(run.t, run.output[:, k], color=colour, lw=0.7)
 left.plot(*start.x.T, "k.", ms=3)
 left.set(xlabel="roll [rad]", ylabel="roll rate [rad/s]", xlim=(-2, 2), ylim=(-0.3, 0.3))
-right.set(xlabel="t [s]", ylabel="roll [rad]", xlim=(0, 600))
+right.set(xlabel="t [s]", ylabel="roll [rad]", xlim=(0, scenario.end))
 plt.show()

@@ -19,8 +19,8 @@ from mann_torch.signals import Polynomial
 
 plt.style.use("mann_torch.paper")
 
-plant = Regression()
-scenario = mt.Scenario(Polynomial([[0.0]]), plant.parameters_of(theta=[1.0, 2.0]), horizon=15.0)
+plant, truth = Regression(), [1.0, 2.0]
+scenario = mt.Scenario(Polynomial([[0.0]]), plant.parameters_of(theta=truth), horizon=15.0)
 recorded = ConcurrentLearning(learning_gain=1.0, size=8, period=0.25)
 laws = {
     "gradient": AdaptiveLaw(ConstantGain(1.0)),
@@ -30,13 +30,13 @@ laws = {
     "concurrent learning": AdaptiveLaw(ConstantGain(1.0), recorded),
 }
 figure, (left, right) = plt.subplots(1, 2, figsize=(6.4, 2.9), width_ratios=[1, 1.2])
-left.plot(1.0, 2.0, "k*", ms=9)
+left.plot(*truth, "k*", ms=9)
 for name, law in laws.items():
     with torch.no_grad():
         run = mt.rollout(mt.ClosedLoop(plant, Estimator(law)), scenario, mt.RungeKutta(5e-3))
     theta = run.states.controller.theta[..., 0]  # (K, 2)
     left.plot(*theta.T)
-    right.semilogy(run.sample_t, (theta - torch.tensor([1.0, 2.0])).norm(dim=-1), label=name)
+    right.semilogy(run.sample_t, (theta - torch.tensor(truth)).norm(dim=-1), label=name)
 left.set(xlabel="$θ_1$", ylabel="$θ_2$", aspect="equal")
 right.set(xlabel="t [s]", ylabel="|error of θ|", ylim=(1e-8, 5))
 figure.legend(*right.get_legend_handles_labels(), loc="outside upper center", ncols=3)

@@ -11,6 +11,7 @@ from mann_torch.control import CONTROLLERS, equal_parameter_hidden
 from mann_torch.errors import ConfigError
 
 from ..settings.config import LoopConfig, MannConfig
+from ..settings.kinds import wrong_kind
 from .made import mapping
 
 OF_MANN = tuple(MannConfig.__dataclass_fields__)
@@ -37,7 +38,8 @@ def mann_settings(cfg: LoopConfig) -> MannConfig:
         return cast(MannConfig, OmegaConf.to_object(merged))
     except OmegaConfBaseException as error:
         key, told = getattr(error, "full_key", ""), str(error).strip().splitlines()[0]
-        raise ConfigError(f"controller.{key}: {told}") from None
+        name = f"controller.{key}"
+        raise ConfigError(wrong_kind(name, own.get(key), told) or f"{name}: {told}") from None
 
 
 def hidden_neurons(cfg: LoopConfig, n: int) -> int:

@@ -38,6 +38,7 @@ def build_memory(
     `given` is what `controller` says beside its settings, of which the attention takes its own out.
     `width` numbers are what state keys compare.
     """
+    choice("memory.reset", cfg.memory.reset, RESETS)  # without a memory, too
     if settings.attention is None:
         return None
     own = {name: given.pop(name) for name in attention_takes(settings) if name in given}

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import os
 import shlex
 import signal
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,20 +34,31 @@ from .overrides import (
     is_multirun,
     job_name,
     jobs_of,
+    mistaken_value,
     opened,
     quote_numeric_names,
     unknown_key,
 )
+from .started import as_started
+from .unused import Typed, WhatRuns
 
 register()
 
 
-def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[Any], None]) -> None:
-    """Check every job of the command line, then let Hydra run `task` on each."""
+def run_cli(
+    config_name: str,
+    check: Callable[[Any], object],
+    task: Callable[[Any], None],
+    loops: tuple[Sequence[str], WhatRuns] | None = None,
+) -> None:
+    """Check every job of the command line, then let Hydra run `task` on each.
+
+    `loops`: nodes whose settings are refused where nothing uses them, and what they lead to.
+    """
     if early.asks(sys.argv[1:]):
         early.answer(config_name)
     speak_any_terminal()
-    command = shlex.join(["python", "-m", f"experiments.{config_name}", *sys.argv[1:]])
+    command = shlex.join([*as_started(config_name), *sys.argv[1:]])
     configurations: list[Any] = []
     swept.clear()
     debugged = os.environ.get("HYDRA_FULL_ERROR") == "1"
@@ -69,6 +81,10 @@ def run_cli(config_name: str, check: Callable[[Any], object], task: Callable[[An
                 raise ConfigError(f"{job_name(number, jobs)}: {one_line(error)}") from None
         if len(folders) > 1:
             raise ConfigError("run_dir: a sweep has one; its jobs go into numbered folders")
+        if loops is not None:
+            judged, what_runs = loops
+            compose_own = functools.partial(compose_job, config_name)
+            Typed(jobs, configurations, compose_own, what_runs).check_used(judged)
     except Exception as error:  # whatever a setting breaks, it is one line and no folder
         fail(error, BAD_INPUT)
     entry = hydra.main(version_base="1.3", config_path=str(CONF), config_name=config_name)
@@ -112,7 +128,7 @@ def compose_job(config_name: str, overrides: list[str]) -> Any:
         text = one_line(error)
     if text.startswith("Could not"):
         text = unknown_key(text, _composed(config_name, [])) or text
-    raise ConfigError(text)
+    raise ConfigError(mistaken_value(text) or text)
 
 
 def _composed(config_name: str, overrides: list[str]) -> Any:
@@ -131,10 +147,10 @@ def _composed(config_name: str, overrides: list[str]) -> Any:
         GlobalHydra.instance().hydra = outer
 
 
-def command_line(module: str) -> str:
+def command_line(name: str) -> str:
     """The command that made the running job, to be written beside its results."""
     overrides = HydraConfig.get().overrides.task
-    return shlex.join(["python", "-m", module, *map(as_typed, overrides)])
+    return shlex.join([*as_started(name), *map(as_typed, overrides)])
 
 
 def _guarded(task: Callable[[Any], None], debugged: bool) -> Callable[[Any], None]:

@@ -12,6 +12,7 @@ from ..settings.memory_config import LEARNERS
 from ..settings.peers_config import PEERS, TASKS
 from ..settings.problem_tuning_config import TUNED_PROBLEMS
 from .conf_files import group_names
+from .started import as_started
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ HELP = {
         "Reproduce the paper's tables, figures and claims.",
         {
             "one table": "experiment=[table_1]",
-            "golden": "initial.weights_file=tests/golden/initial_weights.npz",
+            "quick": "draws=1 horizon=10",
         },
         ("experiment", "solver"),
     ),
@@ -149,9 +150,7 @@ def help_text(command: str) -> str:
     said = HELP[command]
     names = {group: group_names(group) for group in said.groups} | said.choices()
     lines = [f"  {name:<12}{', '.join(offered)}" for name, offered in names.items()]
-    examples = [
-        f"  {what:<12}python -m experiments.{command} {arguments}"
-        for what, arguments in said.examples.items()
-    ]
+    started = " ".join(as_started(command))
+    examples = [f"  {what:<12}{started} {arguments}" for what, arguments in said.examples.items()]
     settings = ["Settings, each as NAME=VALUE:", "", "$CONFIG"]
     return "\n".join([said.purpose, "", *lines, "", *examples, "", *settings])

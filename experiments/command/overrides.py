@@ -8,13 +8,16 @@ import re
 from collections.abc import Iterator, Sequence
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 
 from mann_torch.errors import ConfigError
 
 from ..settings.config import OPEN
+from ..settings.kinds import wrong_kind
 from .conf_files import group_folders
+from .started import as_started
 
 #: Every job is checked before the first begins.
 MOST_JOBS = 2000
@@ -36,10 +39,7 @@ def jobs_of(arguments: list[str]) -> Iterator[list[str]]:
             skip = (not skip and argument in _TAKES_VALUE) or argument in ("-c", "--cfg", "-p")
             continue
         texts.append(argument)
-    try:
-        parsed = OverridesParser.create().parse_overrides(texts)
-    except HydraException as error:
-        raise ConfigError(str(error).strip().splitlines()[0]) from None
+    parsed = [_parsed(text) for text in texts]
     choices: list[list[str]] = []
     count = 1
     for override, text in zip(parsed, texts, strict=True):
@@ -53,10 +53,32 @@ def jobs_of(arguments: list[str]) -> Iterator[list[str]]:
         if count > MOST_JOBS:
             raise ConfigError(
                 f"a sweep of more than {MOST_JOBS} jobs ({text}): make several, and one table of "
-                "them with python -m experiments.collect"
+                f"them with {' '.join(as_started('collect'))}"
             )
     for job in itertools.product(*choices):
         yield list(job)
+
+
+def _parsed(text: str) -> Override:
+    if re.fullmatch(r"[^=~]*|=.*", text):
+        raise ConfigError(f"'{as_typed(text)}' is no setting: give NAME=VALUE, see --help")
+    try:
+        return OverridesParser.create().parse_overrides([text])[0]
+    except HydraException as error:
+        told = str(error).strip().splitlines()[0].removeprefix("LexerNoViableAltException: ")
+        raise ConfigError(
+            f"{as_typed(text)}: not to be read as NAME=VALUE ({told}); quote a value with spaces, "
+            "brackets or signs"
+        ) from None
+
+
+def mistaken_value(message: str) -> str | None:
+    """What to say of a value of the wrong kind, which Hydra could not merge."""
+    found = re.match(r"Error merging override (.*?) \((.*)\)$", message)
+    if found is None:
+        return None
+    name, _, value = as_typed(found.group(1)).lstrip("+~").partition("=")
+    return wrong_kind(name, value, found.group(2))
 
 
 def job_name(number: int, jobs: Sequence[Sequence[str]]) -> str:

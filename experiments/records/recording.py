@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -17,6 +16,7 @@ from mann_torch import Trajectory, reallocations, srmse, switches
 
 from ..command.cli import compose_job
 from ..command.overrides import as_typed
+from ..command.started import arguments_of
 from ..runs.memory_figures import attends, is_soft
 from ..settings.config import SimulateConfig
 
@@ -141,7 +141,7 @@ def _telling(overrides: Iterable[str]) -> list[str]:
 
 def run_name(command: str) -> str:
     """What a command asked for as a folder's name, empty where nothing was."""
-    asked = _telling(shlex.split(command)[3:])
+    asked = _telling(arguments_of(command))
     return re.sub(r"[^\w=,.+~-]+", "_", ",".join(asked))[:120].strip("_")
 
 

@@ -153,11 +153,11 @@ class SimulateConfig(ScenarioLoopConfig):
 def title_of(cfg: ScenarioLoopConfig) -> str:
     """What a run is of, in a few words."""
     controller, plant = cfg.controller["name"], cfg.plant["name"]
-    words = [f"scenario {cfg.scenario.name}", controller, f"{cfg.keys.name} keys"]
+    words = [f"scenario {cfg.scenario.name}", controller]
     if plant != PAPERS_PLANT:
         words.insert(1, plant)
-    if cfg.controller.get("kind", MannConfig.kind) != MannConfig.kind:
-        words.pop()
+    if cfg.controller.get("attention") is not None:
+        words.append(f"{cfg.keys.name} keys")
     return ", ".join(map(str, words))
 
 

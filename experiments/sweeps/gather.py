@@ -17,7 +17,7 @@ from mann_torch.errors import ConfigError
 
 from ..runs.life import ELSEWHERE, MARK, SETTINGS
 from .jobs import failure_of
-from .measures import Measured, command_of, measured
+from .measures import Measured, command_of, measured, units_of
 
 #: Not a setting but what it led to: a column where not all runs went by the same engine.
 ENGINE = "engine"
@@ -35,6 +35,7 @@ class Run:
     command: str = ""
     metrics: Measured = field(default_factory=dict)
     folder: Path | None = None
+    units: Mapping[str, str] = field(default_factory=dict)  # of metrics that have one
 
     @property
     def finished(self) -> bool:
@@ -54,6 +55,7 @@ def read_run(folder: Path, name: str, cfg: Any = None) -> Run:
         record = json.loads((folder / MARK).read_text())
         command = command_of(record)
         metrics, status = measured(record) if command else ({}, "not of these commands")
+        units = units_of(record)
         if "engine" in record:
             settings[ENGINE] = record["engine"]
     except FileNotFoundError:
@@ -62,7 +64,7 @@ def read_run(folder: Path, name: str, cfg: Any = None) -> Run:
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return Run(name, settings, named, "metrics.json cannot be read")
     status = status if failed is None else f"failed: {failed}"
-    return Run(name, settings, named, status, command, metrics, folder)
+    return Run(name, settings, named, status, command, metrics, folder, units)
 
 
 def runs_below(folder: Path, label: str = "") -> list[Run]:

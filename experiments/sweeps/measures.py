@@ -17,13 +17,22 @@ NOTHING = Interval(float("nan"), float("nan"))
 
 def command_of(record: Mapping[str, Any]) -> str:
     """The command that made a record; empty if that is none of ours."""
-    found = re.search(r"experiments\.(\w+)", str(record.get("command", "")))
-    return found.group(1) if found and found.group(1) in READERS else ""
+    found = re.search(r"(?:\bexperiments\.|^mann-)([\w-]+)", str(record.get("command", "")))
+    name = found.group(1).replace("-", "_") if found else ""
+    return name if name in READERS else ""
 
 
 def measured(record: Mapping[str, Any]) -> tuple[Measured, str]:
     """Means with intervals, the leading one first, and how many draws of the run diverged."""
     return READERS[command_of(record)](record), _diverged(record)
+
+
+def units_of(record: Mapping[str, Any]) -> dict[str, str]:
+    """Of the metrics that are in a unit of an output."""
+    outputs = record.get("outputs", [])
+    of = [(each["name"], each["unit"]) for each in outputs if isinstance(each, Mapping)]
+    heads = ("srmse", "srmse_after_10s")
+    return {f"{head}_{name}": unit for head in heads for name, unit in of if unit}
 
 
 def _diverged(record: Mapping[str, Any]) -> str:

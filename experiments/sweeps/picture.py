@@ -1,4 +1,4 @@
-"""One picture of many runs: a line, lines in panels, or a heat map over what was swept."""
+"""One picture of many runs: lines over numbers, points over names, or a heat map of two numbers."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..runs.figures import beside
+from ..runs.figures import beside, with_unit
 from .gather import ENGINE, Run, differing
 from .measures import NOTHING
 from .table import metric_names
 
 _MOST_PANELS, _MOST_LINES = 6, 10
+#: Settings in seconds.
+_TIMES = ("horizon", "solver.dt", "clock.period", "sensor.period", "sensor.delay")
 
 
 def picture(runs: Sequence[Run], title: str) -> Figure | None:
@@ -24,6 +26,8 @@ def picture(runs: Sequence[Run], title: str) -> Figure | None:
     if not names:
         return None
     name = names[0]
+    unit = next((run.units[name] for run in runs if name in run.units), "")
+    label = with_unit(name, unit)
     settings = {key: v for key, v in differing(runs).items() if key != ENGINE}
     settings = settings or {"run": [run.name for run in runs]}
     levels = {key: list(dict.fromkeys(map(_key, v))) for key, v in settings.items()}
@@ -44,11 +48,11 @@ def picture(runs: Sequence[Run], title: str) -> Figure | None:
             [tuple(_key(settings[k][i]) for k in rest) == panel for i in range(len(runs))]
         )
         if lines and len(order) == 2 and all(_numeric(levels[key]) for key in order):
-            _heat_map(figure, ax, settings, levels, (x, lines[0]), mean, name)
+            _heat_map(figure, ax, settings, levels, (x, lines[0]), mean, label)
         else:
             _lines(ax, settings, levels, x, lines, mine, mean, half)
-            ax.set_ylabel(name)
-        ax.set_xlabel(x)
+            ax.set_ylabel(label)
+        ax.set_xlabel(with_unit(x, "s" if x in _TIMES else ""))
         ax.set_title(", ".join(f"{k} {v}" for k, v in zip(rest, panel, strict=True)), fontsize=10)
     left_out = len(panels) - len(shown) if rest else 0
     figure.suptitle(title + (f" ({left_out} more panels in the table)" if left_out else ""))
@@ -67,7 +71,10 @@ def _lines(
 ) -> None:
     numeric = _numeric(levels[x])
     places = np.array([_key(v) if numeric else levels[x].index(_key(v)) for v in settings[x]])
-    for level in levels[lines[0]][:_MOST_LINES] if lines else [None]:
+    each = levels[lines[0]][:_MOST_LINES] if lines else [None]
+    for number, level in enumerate(each):
+        # Names have no order that a line could follow: points, those of one name side by side.
+        aside = 0.0 if numeric else 0.5 * ((number + 0.5) / len(each) - 0.5)
         chosen = mine & np.isfinite(mean)
         if lines:
             chosen &= np.array([_key(value) == level for value in settings[lines[0]]])
@@ -76,10 +83,10 @@ def _lines(
         label = f"{lines[0]} {level}" if lines else None
         spread = np.nan_to_num(half[at])
         ax.errorbar(
-            places[at],
+            places[at] + aside,
             mean[at],
             spread,
-            fmt="o-" if numeric else "o:",
+            fmt="o-" if numeric else "o",
             ms=4,
             lw=1,
             capsize=3,
@@ -87,6 +94,7 @@ def _lines(
         )
     if not numeric:
         ax.set_xticks(range(len(levels[x])), [str(value) for value in levels[x]])
+        ax.set_xlim(-0.5, len(levels[x]) - 0.5)
     if lines:
         beside(ax, fontsize=8)
 

@@ -144,7 +144,8 @@ def test_multirun_runs_the_product(folder: Path, monkeypatch: pytest.MonkeyPatch
 def test_every_scenario_and_key_rule_builds_and_steps(
     scenario: str, controller: str, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    arguments = [f"scenario={scenario}", f"controller={controller}", "keys=state", "horizon=0.02"]
+    arguments = [f"scenario={scenario}", f"controller={controller}", "horizon=0.02"]
+    arguments += ["keys=state"] if controller != "nn" else []  # which has no memory
     quiet = ["output.figures=false", "output.tensorboard=false", f"run_dir={folder}"]
     assert run(monkeypatch, *arguments, *quiet) == 0
 
@@ -349,6 +350,33 @@ def test_a_typo_of_a_key_is_told_the_nearest_or_all(
     assert run(monkeypatch, argument) == 2
     err = capsys.readouterr().err
     assert words in err and len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("argument", "said"),
+    [
+        ("horizon", "'horizon' is no setting: give NAME=VALUE, see --help"),
+        ("memory.n_slots=abc", "memory.n_slots = abc: give a whole number"),
+        ("controller.n_hidden=abc", "controller.n_hidden = abc: give a whole number"),
+        ("horizon=abc", "horizon = abc: give a number"),
+        ("output.figures=maybe", "output.figures = maybe: give true or false"),
+        ("initial.weights_file=[1]", "initial.weights_file = [1]: give a text"),
+        ("solver.dt=null", "solver.dt = null: give a value, it can't be null"),
+        ("memory=3", "memory = 3: it holds settings of its own; give one of them, as "),
+        ("plant.masses=[1", "plant.masses=[1: not to be read as NAME=VALUE ("),
+    ],
+)
+def test_a_value_of_the_wrong_kind_is_told_what_is_wanted(
+    argument: str,
+    said: str,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(monkeypatch, argument, f"run_dir={folder}") == 2
+    err = capsys.readouterr().err
+    assert err.startswith(f"error: {said}") and err.count("\n") == 1
+    assert err == f"error: {said}\n" or said[-1] in " ("
 
 
 def test_changes_of_parameters_beyond_the_horizon_are_said(

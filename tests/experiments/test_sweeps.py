@@ -20,6 +20,7 @@ from experiments import collect, peers, simulate
 from experiments.runs.intervals import Interval
 from experiments.sweeps import launchers
 from experiments.sweeps.gather import Run, differing
+from experiments.sweeps.measures import command_of, units_of
 from experiments.sweeps.picture import picture
 from mann_torch.errors import SolverError
 from tests.experiments.command import exit_code
@@ -238,7 +239,8 @@ def test_jobs_side_by_side_share_the_cores(monkeypatch: pytest.MonkeyPatch) -> N
 
 def some_run(value: float, named: tuple[str, ...] = (), **settings: Any) -> Run:
     plain = {key.replace("__", "."): each for key, each in settings.items()}
-    return Run("0", plain, named, "ok", "simulate", {"srmse_q_1": Interval(value, 0.1)})
+    found, units = {"srmse_q_1": Interval(value, 0.1)}, {"srmse_q_1": "rad"}
+    return Run("0", plain, named, "ok", "simulate", found, units=units)
 
 
 def test_what_follows_from_a_groups_name_is_a_column_only_if_it_was_asked_for() -> None:
@@ -273,3 +275,48 @@ def test_the_picture_follows_what_was_swept(
 ) -> None:
     figure = picture([some_run(float(i), **settings(i)) for i in range(6)], "title")
     assert figure is not None and len(figure.axes) == axes
+
+
+@pytest.mark.parametrize(
+    ("settings", "joined"),
+    [
+        (lambda i: {"gain": i % 3, "controller__name": "ab"[i // 3]}, True),
+        (lambda i: {"keys__name": "cd"[i % 2], "controller__name": "abc"[i // 2]}, False),
+        (lambda i: {"scenario__name": str(i + 1)}, False),  # names, though they look like numbers
+    ],
+)
+def test_a_line_joins_numbers_and_names_are_points(
+    settings: Callable[[int], dict[str, Any]], joined: bool
+) -> None:
+    figure = picture([some_run(float(i), **settings(i)) for i in range(6)], "title")
+    assert figure is not None
+    (ax,) = figure.axes
+    drawn = [container[0] for container in ax.containers]
+    assert {line.get_linestyle() for line in drawn} == {"-" if joined else "None"}
+    places = [tuple(x) for line in drawn for x in zip(*line.get_data(), strict=True)]
+    assert len(places) == 6 and sorted(y for _, y in places) == [0, 1, 2, 3, 4, 5]
+    if not joined:  # each of them by itself, nearest to its own name
+        assert len({round(x, 6) for x, _ in places}) == 6
+        names = [label.get_text() for label in ax.get_xticklabels()]
+        assert {names[round(x)] for x, _ in places} == set(names)
+    assert ax.get_ylabel() == "srmse_q_1 [rad]"
+
+
+def test_metrics_of_outputs_have_their_units() -> None:
+    outputs = [{"name": "q_1", "unit": "rad"}, {"name": "gain", "unit": ""}]
+    assert units_of({"outputs": outputs}) == {"srmse_q_1": "rad", "srmse_after_10s_q_1": "rad"}
+    assert units_of({}) == {}
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        ("python -m experiments.simulate scenario=1", "simulate"),
+        ("python -m mann_torch.experiments.tune_problems", "tune_problems"),
+        ("mann-gradient-report scenario=1", "gradient_report"),
+        ("python -m experiments.nothing", ""),
+        ("cp mann-simulate experiments", ""),
+    ],
+)
+def test_a_record_names_its_command_however_it_was_called(command: str, name: str) -> None:
+    assert command_of({"command": command}) == name

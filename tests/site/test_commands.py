@@ -1,5 +1,6 @@
 """Every command that a page shows exists, and its settings compose and are accepted."""
 
+import functools
 import importlib.util
 import re
 import shlex
@@ -8,7 +9,8 @@ import tomllib
 import pytest
 
 from experiments.command.cli import compose_job
-from experiments.command.overrides import jobs_of, quote_numeric_names
+from experiments.command.overrides import jobs_of, opened, quote_numeric_names
+from experiments.command.unused import Typed
 from mann_torch.errors import ConfigError
 from tests.site.pages import ROOT, shell_lines
 
@@ -70,8 +72,13 @@ def check_module(name: str, words: list[str]) -> None:
         assert all(f'"{option}"' in source for option in options), options
         return
     jobs = list(jobs_of(quote_numeric_names([w for w in words if not NOT_HERE.match(w)])))
-    for overrides in jobs[:: max(1, len(jobs) - 1)]:  # of a sweep the first and the last
-        module.checked(compose_job(name.rpartition(".")[2], overrides))
+    compose = functools.partial(compose_job, name.rpartition(".")[2])
+    jobs = [opened(job) for job in jobs[:: max(1, len(jobs) - 1)]]  # the first and the last
+    composed = [compose(job) for job in jobs]
+    for cfg in composed:
+        module.checked(cfg)
+    if hasattr(module, "what_runs"):
+        Typed(jobs, composed, compose, module.what_runs).check_used(module.LOOP_NODES)
 
 
 @pytest.mark.parametrize("line", shell_lines())
@@ -95,6 +102,7 @@ def test_commands_are_those_that_a_wheel_has() -> None:
     [
         "python -m experiments.nothing",
         "python -m experiments.simulate horizn=3",
+        "python -m experiments.simulate controller=nn memory.reset=raw",
         "make nothing",
         'make reproduce ARGS="drawss=3"',
         "pip install mann_torch[nothing]",
