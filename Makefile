@@ -13,7 +13,7 @@ install: .venv/installed
 	@$(PY) -c 'import sys, pip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || \
 	  $(PYTHON) -m venv --clear .venv
 	@echo "installing into .venv: PyTorch and what it needs, a few minutes the first time"
-	@$(PY) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,docs]'
+	@$(PY) -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e '.[dev,docs]'
 	touch $@
 
 # make reproduce ARGS="draws=10 initial.weights_file=tests/golden/initial_weights.npz"

@@ -40,6 +40,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.nodeid in slow:
             item.add_marker(pytest.mark.slow)
+    # The longest goes first: at the end one process would wait for it alone.
+    items.sort(key=lambda item: not item.nodeid.startswith("tests/site/test_site.py"))
     for item in items if AWAY else ():
         if item.get_closest_marker("checkout"):
             item.add_marker(pytest.mark.skip(reason="needs the checkout"))
