@@ -29,6 +29,7 @@ extensions = [
     "mathml",
     "names",
     "outside",
+    "titles",
 ]
 exclude_patterns = ["_build", "_ext", "gallery", "**/README.md", "auto_gallery/*.ipynb"]
 

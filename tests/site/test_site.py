@@ -26,6 +26,10 @@ QUICK = ("-D", "nb_execution_mode=off", "-D", "plot_gallery=False")
 QUICK += ("-D", "toc_object_entries=0")
 
 
+#: A link whose text is the name of a page's file.
+_FILE_SHOWN = re.compile(r"<a [^>]*href=[^>]*>(?:<[^>]*>)*([\w/.]+\.md)<")
+
+
 class Page(HTMLParser):
     """The anchors of a page, and what it links to and loads."""
 
