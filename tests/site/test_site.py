@@ -71,6 +71,8 @@ def test_the_site_builds_without_a_warning_and_its_links_resolve() -> None:
     assert len(found) > len(list(DOCS.glob("*.md")))
     wrong = [f"{path.relative_to(OUT)}: {what}" for path in found for what in broken(path, found)]
     assert not wrong, "\n".join(wrong)
+    files = {name for path in found for name in _FILE_SHOWN.findall(path.read_text())}
+    assert not files, f"links show {files}, not titles"
     check_reference()
     check_signatures()
     check_names()
