@@ -237,3 +237,11 @@ class LoopMode(NamedTuple):
     controller: Mode
     sensor: SensorState | None = None
     clock: ClockState | None = None
+
+
+@portable
+class Snapshot(NamedTuple):
+    """A loop at an instant, with all that its parts keep: what a rollout may begin at."""
+
+    state: LoopState
+    mode: LoopMode

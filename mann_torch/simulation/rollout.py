@@ -16,6 +16,7 @@ from ..errors import ConfigError, KernelError
 from ..functional import Numbers
 from ..memory import relaxed
 from ..trees import leaf_names, leaves
+from ..types import Snapshot
 from .closed_loop import ClosedLoop
 from .engines import compiled_engine, torch_engine
 from .gradients import check_gradient, locates_events
@@ -40,6 +41,7 @@ def rollout(
     weights: Any = None,
     generator: torch.Generator | None = None,
     batch_shape: Sequence[int] = (),
+    begin: Snapshot | None = None,
     sample_dt: float = 0.05,
     sample_until: float | None = None,
     motion_dt: float | None = None,
@@ -68,6 +70,11 @@ def rollout(
         generator: source of random initial weights.
         batch_shape: batch shape of the initial weights; it must broadcast with those of the
             scenario and of the controller's constants.
+        begin: where another rollout of this loop ended (`Trajectory.end`), a batch or one for all,
+            in place of weights and of the scenario's start: every part goes on as it was, the
+            slots, what laws, filters, actuator, sensor and clock keep. Time begins at 0, and with
+            it reference, schedule and noise; what ticks goes on in step if the other rollout was a
+            whole number of its periods long.
         sample_dt: interval [s] at which whole states are kept.
         sample_until: time [s] after which no whole states are kept.
         motion_dt: interval [s] at which the plant's state and the integral of squared error are
@@ -113,6 +120,10 @@ def rollout(
         function("progress", progress)
     if weights is not None and (generator is not None or batch_shape != ()):
         raise ConfigError("give initial weights as `weights`, or generator and batch_shape")
+    if begin is not None:
+        instance("begin", begin, Snapshot, "a Snapshot, as `Trajectory.end` gives it")
+        if weights is not None or generator is not None or scenario.start is not None:
+            raise ConfigError("begin has weights and the plant's state: give no other")
     solver = Implicit() if solver is None else solver
     check_gradient(gradient, solver, temperature, loop)
     if temperature is not None:
@@ -121,7 +132,7 @@ def rollout(
     obstacle = check_engine(loop, scenario, solver, engine, device)
     grid = grid_of(loop, scenario, solver.dt)
     task = dataclasses.replace(
-        task_of(loop, scenario, solver, grid, weights, generator, batch_shape),
+        task_of(loop, scenario, solver, grid, weights, generator, batch_shape, begin),
         motion_rows=grid.motion_rows(motion_dt),
         state_rows=grid.samples(sample_dt, sample_until),
         limit=divergence_limit,

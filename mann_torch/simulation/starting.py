@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import torch
@@ -12,8 +14,8 @@ from ..control import Controller
 from ..errors import ConfigError, ShapeError
 from ..functional import as_float64
 from ..signals import Surroundings, noise_at
-from ..trees import leaf_paths, leaves, map_tensors
-from ..types import LoopMode, LoopState
+from ..trees import difference, leaf_paths, leaves, map_tensors
+from ..types import LoopMode, LoopState, Snapshot
 from .closed_loop import ClosedLoop
 from .conditions import Conditions
 from .scenario import Scenario
@@ -51,13 +53,16 @@ def start_of(
     weights: Any = None,
     generator: torch.Generator | None = None,
     batch_shape: Sequence[int] = (),
+    begin: Snapshot | None = None,
 ) -> Start:
     """State (..., *event) and mode at t = 0, expanded to the common batch shape.
 
-    Raises `ShapeError` where scenario, constants and weights do not broadcast or sizes do not fit,
-    `DomainError` for plant parameters or constants out of range, `DtypeError` for a tensor of
-    another precision than float64.
+    Raises `ConfigError` for a `begin` of another loop, `ShapeError` where scenario, constants and
+    weights do not broadcast or sizes do not fit, `DomainError` for plant parameters or constants
+    out of range, `DtypeError` for a tensor of another precision than float64.
     """
+    if begin is not None:
+        scenario = dataclasses.replace(scenario, start=begin.state.plant)
     _check_precision(loop, "loop")
     _check_precision(scenario.surroundings, "scenario")
     _check_sizes(loop, scenario)
@@ -106,8 +111,21 @@ def start_of(
         if loop.clock is not None:
             answer = loop.controller(sample, measured, own, inner)
             mode = mode._replace(clock=loop.clock.initial_state(u, own, answer.decay))
+    if begin is not None:
+        state, mode = _as_begun(begin, Snapshot(state, mode))
     _check_answer(loop, state, mode, here)
     return Start(state, mode, surroundings, seen)
+
+
+def _as_begun(begin: Snapshot, fresh: Snapshot) -> Snapshot:
+    """The snapshot in the batch shape of a fresh start, whose form it must have."""
+    found = begin
+    with suppress(RuntimeError, TypeError, ValueError):  # other trees, or shapes
+        found = map_tensors(lambda leaf, like: leaf.expand(like.shape), begin, fresh)
+    told = difference(found, fresh)
+    if told is not None:
+        raise ConfigError(f"begin is not of this loop, or not of this batch: {told}")
+    return found
 
 
 def coefficients_of(loop: ClosedLoop, scenario: Scenario, batch: torch.Size, t: Tensor) -> Any:

@@ -12,7 +12,7 @@ from torch import Tensor
 from ..functional import as_float64
 from ..signals import NoiseTable, Surroundings, noise_at
 from ..trees import leaves
-from ..types import LoopMode, LoopState
+from ..types import LoopMode, LoopState, Snapshot
 from .closed_loop import ClosedLoop
 from .conditions import Conditions, Span, Ticks, spans_of
 from .events.steps import EventCounts
@@ -107,12 +107,13 @@ def task_of(
     weights: Any = None,
     generator: torch.Generator | None = None,
     batch_shape: Sequence[int] = (),
+    begin: Snapshot | None = None,
 ) -> Task:
     """The rollout from these initial weights, of which both ends are kept.
 
     Raises `ShapeError`, `DomainError`.
     """
-    start = start_of(loop, scenario, weights, generator, batch_shape)
+    start = start_of(loop, scenario, weights, generator, batch_shape, begin)
     batch = leaves(start.state.plant)[0].shape[:-1]
     noise, instants = scenario.noise, torch.zeros(grid.n_steps, dtype=torch.int64)
     table = None

@@ -12,7 +12,7 @@ from torch import Tensor
 from ..errors import RecordError
 from ..signals import Reference
 from ..trees import map_tensors
-from ..types import Channel, LoopMode, LoopState, Mode, ReferenceSample
+from ..types import Channel, LoopMode, LoopState, Mode, ReferenceSample, Snapshot
 from .events.steps import EventCounts
 from .step_grid import counted_in
 from .task import Effort
@@ -142,6 +142,24 @@ class Trajectory(Motion):
     states: LoopState  # (K, ..., *event)
     modes: Mode  # (K, ..., *event) of the controller
     held: LoopMode = field(repr=False)  # (K, ..., *event) those with what sensor and clock hold
+
+    @property
+    def end(self) -> Snapshot:
+        """Where it ended (..., *event), for another rollout to `begin` at, with time 0 there.
+
+        Raises `RecordError` where that was not kept.
+        """
+        last = self.step_t[-1]
+        if self.sample_t[-1] != last:
+            raise RecordError(
+                f"states are kept until t = {float(self.sample_t[-1]):.6g} s, not to the end: "
+                "leave out `sample_until`, and see `status`"
+            )
+        found = map_tensors(lambda rows: rows[-1], Snapshot(self.states, self.held))
+        clock = found.mode.clock
+        if clock is None or clock.at is None:
+            return found
+        return found._replace(mode=found.mode._replace(clock=clock._replace(at=clock.at - last)))
 
     @property
     def motion(self) -> Motion:

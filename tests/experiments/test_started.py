@@ -23,7 +23,11 @@ INSTALLED = "/somewhere/bin/mann-simulate"
     [
         (INSTALLED, ["mann-gradient-report"]),
         ("mann-simulate.exe", ["mann-gradient-report"]),
-        ("/checkout/experiments/simulate.py", ["python", "-m", "experiments.gradient_report"]),
+        pytest.param(
+            "/checkout/experiments/simulate.py",
+            ["python", "-m", "experiments.gradient_report"],
+            marks=pytest.mark.checkout,
+        ),
     ],
 )
 def test_another_command_is_called_as_this_one_was(

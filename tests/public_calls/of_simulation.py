@@ -79,6 +79,10 @@ CALLS: dict[str, Call] = {
         ),
         {"generator": generator(), "batch_shape": (2,)},
     ),
+    "rollout that goes on": (
+        lambda begin=None: mt.rollout(LOOP, SCENARIO, begin=begin, engine="torch"),
+        {"begin": RUN.end},
+    ),
     "explain": (mt.explain, {**ROLLOUT, "gradient": "soft", "temperature": 0.1}),
     "observe": (mt.observe, {"loop": LOOP, "scenario": SCENARIO, "trajectory": RUN}),
     "attended_slot": (simulation.attended_slot, {"trajectory": RUN}),
