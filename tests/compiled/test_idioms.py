@@ -141,7 +141,7 @@ def a_filter_in_a_loop(s: Sample) -> Tensor:
 @idiom
 def float32_numbers_made_on_the_way(s: Sample) -> Tensor:
     third = torch.tensor(1.0) / 3
-    return s["x"] * third + torch.linspace(0, 1, 4) * 0.1 + torch.tensor([0.125, 0.25, 0.5, 0.75])
+    return s["x"] * third + torch.linspace(0, 1, 4) * 0.1 + torch.tensor([0.1, 0.2, 0.3, 0.4])
 
 
 @idiom

@@ -124,10 +124,6 @@ def spectrum(s: Sample) -> Tensor:
     return torch.fft.rfft(s["v"]).abs()
 
 
-def literal(s: Sample) -> Tensor:
-    return s["v"] * torch.tensor(0.1)
-
-
 def captured(s: Sample) -> Tensor:
     return s["v"] * TABLE
 
@@ -167,7 +163,6 @@ REFUSED: dict[Callable[[Sample], Tensor], tuple[str, str]] = {
     bytes_that_wrap: ("numbers of torch.uint8", "torch.uint8"),
     complex_numbers: ("complex.default has no compiled form", "torch.complex"),
     spectrum: ("_fft_r2c.default has no compiled form", "rfft"),
-    literal: ("a float32 constant, 0.1 is 0.10000000149011612", "torch.tensor(0.1)"),
     captured: (CAPTURED, "* TABLE"),
     captured_rows: (CAPTURED, "[ROWS]"),
     captured_by_a_module: (CAPTURED, "self.gain * x"),
@@ -191,9 +186,22 @@ def test_tensors_made_on_the_way_are_no_captives() -> None:
     def made(s: Sample) -> Tensor:
         gains = torch.tensor([1.0, 2.0, 3.0], dtype=torch.float64)
         rows = torch.arange(3).flip(0)
-        return (s["v"] * gains)[rows] + s["v"][[2, 0, 1]] + torch.tensor(0.5)
+        return (s["v"] * gains)[rows] + s["v"][[2, 0, 1]] + torch.tensor(0.1)
 
     check_together({"made": made}, inputs())
+
+
+@pytest.mark.parametrize(("number", "said"), [(0.3, "0.3 is 0.30000001192"), (0.5, None)])
+def test_a_float32_literal_that_was_meant_otherwise_is_told_once(
+    number: float, said: str | None, caplog: pytest.LogCaptureFixture
+) -> None:
+    def literal(s: Sample) -> Tensor:
+        return s["v"] * torch.tensor(number)
+
+    check_together({"literal": literal}, inputs())
+    Together([literal], inputs())
+    told = [record.message for record in caplog.records if "float32 constant" in record.message]
+    assert len(told) == (said is not None) and all(str(said) in each for each in told)
 
 
 def test_a_derivative_alone_may_be_refused() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
+import logging
 import operator
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -18,6 +20,8 @@ from ..trace.telling import UntraceableError, source_of
 from .constants import Constants, random
 from .precision import check_precision, rounded
 from .registry import LOWERINGS, kind_of, kinds_of
+
+log = logging.getLogger("mann_torch")
 
 
 def lower(g: Graph, made: GraphModule, inputs: Sequence[Node]) -> list[Node]:
@@ -76,11 +80,7 @@ def _called(g: Graph, traced: Traced, values: dict[Traced, Any], constants: Cons
     tensors = _tensors(name, traced)
     own = tensors[0].dtype
     if own == torch.float32 and g.real is DOUBLE and name.startswith("lift_fresh"):
-        wrong = misread(constants.of(traced))
-        if wrong:
-            raise UntraceableError(
-                f"a float32 constant, {wrong}: give it dtype=torch.float64{source_of(traced)}"
-            )
+        _warn_of(misread(constants.of(traced)))
     alike = own in kinds_of(g.real) or own == torch.int32
     if not alike and traced in constants:
         return _constant(g, constants.of(traced))
@@ -95,6 +95,15 @@ def _called(g: Graph, traced: Traced, values: dict[Traced, Any], constants: Cons
             return _constant(g, constants.of(traced))
         text = str(error) if name in str(error) else f"{name}: {error}"
         raise UntraceableError(text + source_of(traced)) from error
+
+
+@functools.cache
+def _warn_of(number: str) -> None:
+    """Once: it is computed with as torch does, and was hardly meant."""
+    if number:
+        log.warning(
+            "a step has a float32 constant in which %s: give it dtype=torch.float64", number
+        )
 
 
 def _tensors(name: str, traced: Traced) -> list[torch.Tensor]:

@@ -21,7 +21,7 @@ _CONVERTS = ("_to_copy", "convert_element_type", "prims")
 def check_precision(real: Real, name: str, traced: Traced, dtype: torch.dtype) -> None:
     """Raise `NotImplementedError` for arithmetic in anything but the program's own."""
     operation = name.split(".")[0]
-    if real is not DOUBLE and not dtype.is_floating_point:
+    if real is not DOUBLE:
         _check_operands(operation, traced)
     if not (dtype.is_floating_point or dtype.is_complex) or dtype == real.dtype:
         return
