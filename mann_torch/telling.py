@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import linecache
+import logging
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 import torch
@@ -74,3 +77,15 @@ def misread(value: Tensor) -> str:
         if float(said) != x:
             return f"{said} is {x!r}"
     return ""
+
+
+@contextmanager
+def quiet(logger: str, below: int) -> Iterator[None]:
+    """Without what another library would say here of less than a level."""
+    log = logging.getLogger(logger)
+    level = log.level
+    log.setLevel(below)
+    try:
+        yield
+    finally:
+        log.setLevel(level)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import logging
 import os
 import re
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 from torch.fx import Node
 
@@ -19,18 +16,6 @@ _FRAME = re.compile(r'\s*File "(.+)", line (\d+), in (.+)')
 
 class UntraceableError(MannError):
     """A step that cannot be compiled; the message says which operation, where, and why."""
-
-
-@contextmanager
-def quiet() -> Iterator[None]:
-    """What fails is told once, by us: torch would print its stack besides."""
-    log = logging.getLogger("torch._subclasses.fake_tensor")
-    level = log.level
-    log.setLevel(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        log.setLevel(level)
 
 
 def source_of(node: Node) -> str:

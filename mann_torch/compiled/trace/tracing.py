@@ -9,6 +9,7 @@ decomposition table, and how their failures are told. Tested with torch 2.10 to 
 from __future__ import annotations
 
 import functools
+import logging
 import threading
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -23,9 +24,9 @@ from torch.fx import GraphModule, Node
 from torch.nn.attention import SDPBackend, sdpa_kernel
 
 from ...errors import InterfaceError
-from ...telling import explained
+from ...telling import explained, quiet
 from .choosing import Choosing
-from .telling import UntraceableError, quiet, source_of
+from .telling import UntraceableError, source_of
 
 #: A function of tensors to tensors, in flat lists.
 Function = Callable[[Sequence[Tensor]], Sequence[Tensor]]
@@ -186,7 +187,7 @@ def _traced(function: Callable[..., Any], examples: Sequence[Tensor]) -> GraphMo
             torch.inference_mode(False),
             sdpa_kernel(SDPBackend.MATH),  # attention in operations of its own
             Choosing(),
-            quiet(),
+            quiet("torch._subclasses.fake_tensor", logging.CRITICAL),  # told once, by us
         ):
             made = _pure(function, examples)
             if any(map(_changes_operand, made.graph.nodes)):

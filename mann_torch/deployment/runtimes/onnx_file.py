@@ -5,8 +5,6 @@ from __future__ import annotations
 import importlib.util
 import logging
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +12,7 @@ import torch
 from torch import Tensor
 
 from ...errors import ExportError
+from ...telling import quiet
 from .exported import exported
 from .files import place_of, refusing, written
 from .flat import INPUTS, OUTPUTS, FlatTicked, check_agreement, checked, told
@@ -23,6 +22,8 @@ if TYPE_CHECKING:
 
 #: Of the extra `deploy`.
 PACKAGES = ("onnx", "onnxruntime", "onnxscript")
+#: Remarks on packages that are not installed.
+_EXPORTER = "torch.onnx._internal.exporter._registration"
 
 
 def check_onnx() -> None:
@@ -44,7 +45,7 @@ def to_onnx(stepper: Stepper, path: str | os.PathLike[str]) -> Path:
     check_onnx()
     program = exported(stepper)
     name = type(stepper.tick.controller).__name__
-    with refusing(f"{name} can't be written as ONNX"), _quiet():
+    with refusing(f"{name} can't be written as ONNX"), quiet(_EXPORTER, logging.ERROR):
         from .onnx_operations import table
 
         made: Any = torch.onnx.export(
@@ -87,15 +88,3 @@ class OnnxTick:
         given = (f, k, reference, measurement, adapt)
         rows = {name: x.numpy() for name, x in zip(INPUTS, given, strict=True)}
         return FlatTicked(*map(torch.as_tensor, self.session.run(OUTPUTS, rows)))
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Without the exporter's remarks on packages that are not installed."""
-    logger = logging.getLogger("torch.onnx._internal.exporter._registration")
-    before = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        yield
-    finally:
-        logger.setLevel(before)
