@@ -43,8 +43,8 @@ def memory_figure(
     if not runs or not all({"weights", "mu"} <= set(run) for run in runs.values()):
         raise ConfigError("runs: give at least one, each with `weights` and `mu`")
     for key, run in runs.items():
-        for name in {"weights", "mu", "reset", "valid"} & set(run):
-            if not isinstance(run[name], np.ndarray):
+        for name in ("weights", "mu", "reset", "valid"):
+            if name in run and not isinstance(run[name], np.ndarray):
                 raise wrong(f"runs[{key!r}][{name!r}]", run[name], "an array")
     t = None if t is None else _numbers("t", t)
     lines = _numbers("marks", marks).tolist()

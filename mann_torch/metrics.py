@@ -92,7 +92,8 @@ def input_rate(trajectory: Outcome) -> Tensor:
 def peak_input(trajectory: Outcome) -> Tensor:
     """Largest |input| commanded since the rollout's `effort_after`, (..., m), in its unit.
 
-    NaN for a sample that diverged. Raises `RecordError` where the rollout was not asked for effort.
+    0 for a sample whose horizon ends before it, NaN for one that diverged. Raises `RecordError`
+    where the rollout was not asked for effort.
     """
     peak = _effort(trajectory).peak[-1]
     return torch.where((trajectory.status == int(Status.OK)).unsqueeze(-1), peak, torch.nan)

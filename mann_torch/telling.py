@@ -25,7 +25,8 @@ _DECIDES = (
     "data-dependent",
     "unallocated storage",
     "Boolean value of Tensor with more than one value is ambiguous",
-    "Tensor.item() on a Tensor",
+    ".item() on a Tensor",
+    "cannot be converted to Scalar",
 )
 
 

@@ -240,6 +240,16 @@ BROKEN: dict[str, tuple[Callable[[], Plant], str]] = {
         lambda: other_derivative(lambda self, level, u, area: u if level > 1.0 else u - level),
         r"a decision on data.*take torch.where.* in Broken, test_plant_contract.py:\d+: ",
     ),
+    "a number taken out": (
+        lambda: other_derivative(lambda self, level, u, area: u - level.item()),
+        r"a decision on data.*take torch.where.* in Broken, test_plant_contract.py:\d+: ",
+    ),
+    "a number of one sample taken out": (
+        lambda: other_derivative(
+            lambda self, level, u, area: u - (level if level.numel() > 1 else level.item())
+        ),
+        r"vmap fails; a decision on data|single sample fails; a decision on data",
+    ),
     "a float32 literal": (
         lambda: other_derivative(lambda self, level, u, area: torch.tensor(0.1) * (u - level)),
         r"0.1 is 0.10000000149.* in float32; give dtype=torch.float64.*test_plant_contract.py:",

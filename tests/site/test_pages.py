@@ -52,8 +52,8 @@ def test_the_faqs_sample_diverges_alone() -> None:
 def test_what_was_learned_goes_on() -> None:
     found = executed("faq.md")
     assert float(found["apart"]) < 1e-12
-    first, whole = mt.srmse(found["whole"]), mt.srmse(found["second"])
-    assert bool((whole < 0.9 * first).all())  # without what was learned it would be as at first
+    in_one_go, goes_on = mt.srmse(found["whole"]), mt.srmse(found["second"])
+    assert bool((goes_on < 0.9 * in_one_go).all())  # what errs at first is behind it
 
 
 def test_other_programs_agree() -> None:
